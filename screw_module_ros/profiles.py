@@ -42,6 +42,9 @@ GUARDS = {
 }
 """What makes a drive drop its torque by itself: name -> text for messages."""
 
+NODES = {DRIVE: ("amplifier", "manus"), ENCODER: ("encoder",), FORCE_SENSOR: ("force_sensor",)}
+"""Nodes with the drivers of a kind of device."""
+
 LITERAL, PERIOD_US, DEADLINE_PERIODS, LIMIT = "literal", "period_us", "deadline_periods", "limit"
 _LARGEST = 0xFFFFFFFF
 
@@ -66,15 +69,15 @@ class SubstituteObject(NamedTuple):
 class Substitute(NamedTuple):
     """What stands in for a guard that this make lacks.
 
-    text: for messages. relies_on: a guard that must be in force for it, empty for none.
+    text: for messages. relies_on: guards that must be in force for it.
     """
 
     guard: Annotated[str, Setting("the guard that is missing", choices=tuple(GUARDS))]
     text: str
     objects: tuple[SubstituteObject, ...] = ()
     relies_on: Annotated[
-        str, Setting("the guard that has to hold", choices=("", *GUARDS))
-    ] = ""
+        tuple[str, ...], Setting("the guards that have to hold", choices=tuple(GUARDS))
+    ] = ()
 
 
 class DriveProfile(NamedTuple):
@@ -231,6 +234,20 @@ def load(name: str, kind: str = "") -> Profile:
     found = read_file(path, Profile, FORMAT)
     if kind and found.kind != kind:
         raise SettingError(f"profile = {name!r} is of a {found.kind}; one of a {kind} is wanted")
+    return found
+
+
+def chosen(devices: str) -> dict[str, str]:
+    """Return the profiles of a list like `epos4,sick_ahm36`: kind of device -> name.
+
+    Raises SettingError for one that does not exist, or for two of a kind.
+    """
+    found: dict[str, str] = {}
+    for name in filter(None, (part.strip() for part in devices.split(","))):
+        kind = load(name).kind
+        if kind in found:
+            raise SettingError(f"devices: {found[kind]} and {name} are both of a {kind}")
+        found[kind] = name
     return found
 
 

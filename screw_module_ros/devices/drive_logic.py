@@ -183,7 +183,8 @@ class DriveLogic:
         self._update_unrequested(state, now_ns)
         self._update_leaving(state, now_ns)
         silent = state is State.UNKNOWN and shown is State.OPERATION_ENABLED
-        self._cut_off = silent and nmt == PRE_OPERATIONAL
+        # Without its heartbeat nobody knows whether it fell back.
+        self._cut_off = silent and (nmt == PRE_OPERATIONAL or beat_ns is None)
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:

@@ -267,7 +267,7 @@ def _replaced(
     left, replaced = [], []
     for each in missing:
         substitute = substitutes.get(each.guard)
-        if substitute is None or substitute.relies_on in lacking:
+        if substitute is None or lacking & set(substitute.relies_on):
             left.append(each)
         elif why := _substituted(sdo, settings, substitute, share):
             left.append(MissingGuard(each.guard, f"{each.why}; {substitute.text}: {why}"))

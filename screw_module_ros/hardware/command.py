@@ -7,6 +7,7 @@ the devices; it never enables a drive.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,8 @@ from ..devices.encoder_setup import EncoderSettings
 from ..devices.force_sensor import ForceSensor
 from ..devices.force_sensor_settings import ForceSensorSettings
 from ..geometry import Screw
-from ..profiles import DRIVE, ENCODER, FORCE_SENSOR, NET_PROTOCOL, load
+from ..profiles import DRIVE, ENCODER, FORCE_SENSOR, NET_PROTOCOL, chosen, load
+from ..profiles import NODES as DRIVERS
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
 from ..settings import load as load_yaml
@@ -67,11 +69,11 @@ def settings(kind: type, values: dict[str, Any], prefix: str = "", **defaults: A
 class Found:
     """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding."""
 
-    def __init__(self, values: Values, clock: Clock, stack: ExitStack):
+    def __init__(self, values: Values, nodes: Collection[str], clock: Clock, stack: ExitStack):
         self.findings: list[Finding] = []
         self.buses: dict[BusSettings, Bus] = {}
         self.devices: dict[str, Any] = {}
-        self._values, self._clock, self._stack = values, clock, stack
+        self._values, self._nodes, self._clock, self._stack = values, nodes, clock, stack
         self._add("encoder", lambda port, v: Encoder(
             port, settings(EncoderSettings, v), settings(Screw, v),
             load(v.get("profile", "generic_406"), ENCODER)))
@@ -86,6 +88,8 @@ class Found:
                 f"{joint} drive", make=load(v.get("profile", "generic_402"), DRIVE)), joint)
 
     def _add(self, node: str, make: Any, name: str = "") -> None:
+        if node not in self._nodes:
+            return
         values = self._values[node]
         bus = settings(BusSettings, values, "can.", channel=node)._replace(sync_producer=True)
         if bus not in self.buses and not self._open(bus):
@@ -118,13 +122,16 @@ def _force_sensor(port: Any, values: dict[str, Any]) -> ForceSensor:
     return (NetForceSensor if protocol == NET_PROTOCOL else ForceSensor)(port, found)
 
 
-def check(values: Values, clock: Clock, move: float, seconds: float, tell: Any) -> list[Finding]:
+def check(
+    values: Values, nodes: Collection[str], clock: Clock, move: float, seconds: float, tell: Any
+) -> list[Finding]:
     """Return all findings. move: time to move the handle [s]; seconds: of sampling [s].
+    nodes: those of `NODES` whose devices are there.
 
     tell(text): says what the operator has to do now. Raises SettingError.
     """
     with ExitStack() as stack:
-        found = Found(values, clock, stack)
+        found = Found(values, nodes, clock, stack)
         findings = [*machine.machine(), *found.findings]
         for bus in found.buses.values():
             findings += [*devices.traffic(bus), devices.node_ids(bus)]
@@ -151,16 +158,28 @@ def check(values: Values, clock: Clock, move: float, seconds: float, tell: Any) 
               help="Parameter file, in place of the packaged params/bench.yaml.")
 @click.option("--simulation", is_flag=True,
               help="Look at the simulated rig: `bringup --only sim_rig --wall-clock` runs beside.")
+@click.option("--devices", "makes", default="", metavar="NAME,...",
+              help="Makes of the devices, like epos4,sick_ahm36 (params/devices).")
+@click.option("--without", multiple=True, type=click.Choice(NODES),
+              help="Leave the devices of this node out (repeat for more).")
 @click.option("--move", default=10.0, help="Seconds in which somebody moves the handle, 0 = none.")
 @click.option("--seconds", default=60.0, help="Seconds of samples, 0 = none.")
-def command(params: str | None, simulation: bool, move: float, seconds: float) -> None:
+def command(
+    params: str | None, simulation: bool, makes: str, without: tuple[str, ...], move: float,
+    seconds: float,
+) -> None:  # fmt: skip
     """Look at computer, buses and devices before the first start. No drive is ever enabled."""
     packaged = resource_path("params/sim.yaml" if simulation else "params/bench.yaml")
     path = Path(params) if params else packaged
     click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
     try:
         values = values_of(load_yaml(path))
-        findings = check(values, WallClock(), move, seconds, click.echo)
+        for kind, name in chosen(makes).items():
+            for node in DRIVERS[kind]:
+                own = load(name).simulated.parameters if simulation else {}
+                values[node].update(own, profile=name)
+        nodes = [node for node in NODES if node not in without]
+        findings = check(values, nodes, WallClock(), move, seconds, click.echo)
     except SettingError as error:
         raise click.ClickException(str(error)) from error
     click.echo(table(findings))

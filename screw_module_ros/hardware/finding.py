@@ -35,8 +35,10 @@ def table(findings: Iterable[Finding]) -> str:
         wanted = f" (wanted: {each.wanted})" if each.wanted and each.verdict != OK else ""
         text = f"{each.verdict:6} {each.what}: {each.found}{wanted}"
         lines += textwrap.wrap(text, _WIDTH, subsequent_indent=" " * 9) or [text]
-        if each.todo:
+        arrow = "-> "
+        for part in each.todo.splitlines():
             lines += textwrap.wrap(
-                f"-> {each.todo}", _WIDTH, initial_indent=" " * 7, subsequent_indent=" " * 10
+                f"{arrow}{part}", _WIDTH, initial_indent=" " * 7, subsequent_indent=" " * 10
             )
+            arrow = " " * len(arrow)
     return "\n".join(lines)

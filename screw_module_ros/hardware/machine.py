@@ -44,8 +44,8 @@ def machine(root: Path = Path("/"), limit: int | None = None) -> list[Finding]:
     )  # fmt: skip
     found.append(Finding("kernel", kind, "PREEMPT_RT or low latency", kernel))
     isolated = _text(root / "sys/devices/system/cpu/isolated")
-    cores = "" if isolated else "optional: isolcpus=... for the parameters realtime.cores"
-    found.append(Finding("isolated cores", isolated or "none", "", cores))
+    none = "none (optional: isolcpus=... on the kernel's command line, then realtime.cores)"
+    found.append(Finding("isolated cores", isolated or none))
     return found
 
 

@@ -21,11 +21,11 @@ from typing import NamedTuple
 import click
 
 from screw_module_ros.domain import domain_id, end_without_domain
-from screw_module_ros.graph import BESIDE, Entry, chosen, table
+from screw_module_ros.graph import BESIDE, Entry, table
+from screw_module_ros.graph import chosen as chosen_entries
 from screw_module_ros.lockstep.page import sweep
-from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, load
+from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, chosen, load
 from screw_module_ros.resources import resource_path
-from screw_module_ros.settings import SettingError
 
 from .support.arguments import arguments, unread_sections
 from .support.place import keep_to_this_machine, open_to_network
@@ -39,9 +39,6 @@ SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
 BENCH_PARAMETERS = "params/bench.yaml"
-_DRIVERS = {
-    DRIVE: ("amplifier", "manus"), ENCODER: ("encoder",), FORCE_SENSOR: ("force_sensor",)
-}  # fmt: skip
 _IN_RIG = {DRIVE: "drive_profile", ENCODER: "encoder_profile", FORCE_SENSOR: "sensor_profile"}
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -96,7 +93,7 @@ def plan(
     if simulation:
         words += simulated_arguments(composed, wall_clock)
     return Plan(
-        chosen(simulation, only, without, composed),
+        chosen_entries(simulation, only, without, composed),
         [*words, *extra],
         above,
         unread_sections(path, [*known, *BESIDE], above),
@@ -110,20 +107,12 @@ def device_arguments(devices: str, simulation: bool) -> list[str]:
     does not exist, or for two of a kind.
     """
     words: list[str] = []
-    kinds: dict[str, str] = {}
-    for name in filter(None, (part.strip() for part in devices.split(","))):
-        profile = load(name)
-        if profile.kind in kinds:
-            raise SettingError(
-                f"devices: {kinds[profile.kind]} and {name} are both of a {profile.kind}"
-            )
-        kinds[profile.kind] = name
-        values = {f"{node}:profile": name for node in _DRIVERS[profile.kind]}
+    for kind, name in chosen(devices).items():
+        values = {f"{node}:profile": name for node in NODES[kind]}
         if simulation:
-            values[f"sim_rig:devices.{_IN_RIG[profile.kind]}"] = name
-            for node in _DRIVERS[profile.kind]:
-                for parameter, value in profile.simulated.parameters.items():
-                    values[f"{node}:{parameter}"] = value
+            values[f"sim_rig:devices.{_IN_RIG[kind]}"] = name
+            for parameter, value in load(name).simulated.parameters.items():
+                values.update({f"{node}:{parameter}": value for node in NODES[kind]})
         for parameter, value in values.items():
             words += ["-p", f"{parameter}:={value}"]
     return words

@@ -246,6 +246,24 @@ def test_drive_without_a_heartbeat_is_not_missed_when_that_is_allowed(wire, driv
     assert drive.fault == ""
 
 
+def test_a_drive_without_a_heartbeat_that_falls_silent_is_stopped_by_nmt(wire, drive_end):
+    """It may be in PRE-OPERATIONAL with its torque on: our heartbeat would hold it."""
+    del drive_end.objects[0x1017, 0]
+    drive = configured(wire, SETTINGS._replace(waived="drive_heartbeat"))
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive.request_enable()
+    for _ in range(20):
+        tick(wire, drive)
+    assert drive.is_on(wire.clock.time_ns)
+    drive_end.answering = False
+    for _ in range(20):
+        tick(wire, drive)
+    assert "silent" in drive.fault
+    assert (0x000, bytes([0x02, 1])) in wire.frames
+
+
 def test_a_refusal_that_quotes_1017_does_not_end_the_watch_of_the_drives_heartbeat(wire, drive_end):
     """A torque limit that stays at 0x1017 is another guard; the drive's heartbeat is still due."""
     drive_end.deaf.add((0x6072, 0))

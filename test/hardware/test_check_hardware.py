@@ -173,10 +173,10 @@ def test_no_rights_and_kernel(tmp_path):
     (tmp_path / "proc").mkdir()
     (tmp_path / "proc/version").write_text("Linux 6.1 SMP PREEMPT_DYNAMIC")
     found = machine.machine(tmp_path, limit=0)
-    assert open_points(found) == {"real-time priority", "kernel", "isolated cores"}
+    assert open_points(found) == {"real-time priority", "kernel"}
     assert "--cap-add=sys_nice" in found[0].todo
     (tmp_path / "proc/version").write_text("Linux 6.1 SMP PREEMPT_RT")
-    assert open_points(machine.machine(tmp_path, limit=99)) == {"isolated cores"}
+    assert open_points(machine.machine(tmp_path, limit=99)) == set()
 
 
 def interface(tmp_path, flags="0x1043", queue="1000", shown=()):
@@ -229,3 +229,6 @@ def test_table_reads_like_a_list_of_things_to_do():
         "TO DO  can0 txqueuelen: 10 (wanted: 100)",
         "       -> longer",
     ]
+    assert table([Finding("a", "b", "", "c\n  d  e")]).splitlines()[1:] == [
+        "       -> c", "            d  e",
+    ]  # fmt: skip

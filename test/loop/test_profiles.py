@@ -139,6 +139,15 @@ def test_a_substitute_that_relies_on_a_missing_guard_does_not_count(robot):
     assert missing == {"master_heartbeat", "command_deadline"}
 
 
+def test_our_heartbeat_stands_in_for_nothing_where_its_loss_is_no_fault(robot):
+    """Without 6007 the drive may note the loss and go on."""
+    bench = robot(drive="epos4")
+    bench.rig.devices["drive"].node.variable(0x6007, 0).access_type = "ro"
+    bench.ready()
+    missing = {each.guard for each in bench.drive.unguarded}
+    assert missing == {"lost_connection", "command_deadline"}
+
+
 def test_the_mode_is_read_where_the_drive_cannot_map_it(robot):
     """SimplIQ: 603F and 6061 come by SDO. A drive that leaves torque mode is stopped then."""
     bench = robot(drive="elmo_simpliq")

@@ -131,7 +131,8 @@ class DriveNode(DriverNode):
         permit = self.permit
         if permit.faulted:
             return Health(ERROR, permit.reason, values)
-        warnings = [self._permission.warning]
+        warnings = [drive.danger for drive in self.drives] if permit.enabled else []
+        warnings.append(self._permission.warning)
         warnings += [warning for drive in self.drives for warning in drive.warnings]
         if permit.enabled:
             warnings.append(broken_contract(state))
