@@ -193,8 +193,8 @@ def filter_figure(taps: np.ndarray, title: str) -> Figure:
 
 def error_map(table: np.ndarray, rows: Sequence[str], columns: Sequence[str], title: str) -> Figure:
     """Draw rms errors [N], shape (rows, columns), as a map with the numbers in it."""
-    figure = Figure(figsize=(1.9 + 0.62 * len(columns), 2.6 + 0.36 * len(rows)),
-                    layout="constrained")  # fmt: skip
+    size = (max(5.5, 3.0 + 0.62 * len(columns)), 2.9 + 0.36 * len(rows))
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
     axes.grid(False)
     image = axes.imshow(table, cmap="cividis_r", norm=LogNorm(0.05, 20.0, clip=True), aspect="auto")
