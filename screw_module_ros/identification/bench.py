@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The in-process bench: simulated module and vertical loop, many times faster than real time.
 
-Plant, drivers' scaling and law are those of the rig and the nodes, in one compiled loop (`loop`) at
-the thesis's 2 kHz with the plant's finer substeps, without buses and processes.
+Plant, drivers' scaling and law are those of the rig and the nodes, in one compiled loop
+(`vertical_loop`) at the thesis's 2 kHz with the plant's finer substeps. There are no buses and
+processes.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
 from ..settings import Setting
 from . import friction_model, gravity, inertia, static_torque
-from .certificate import software
+from .certificate import own_serial, software
 from .lab import Lab
 from .results import NOTHING, Experiment, Quantity, Result, no_figures
 
@@ -44,7 +44,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     write_calibration(
         path,
         ModuleCalibration(
-            serial=settings.serial,
+            serial=own_serial(lab, settings.serial),
             date=datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
             software=software(),
             friction=friction_model.friction_model_of(friction),

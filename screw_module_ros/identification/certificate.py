@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timezone
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as version_of
 from typing import Any
 
+import numpy as np
 import yaml
 
 from ..calibration.certificate import FORMAT, Conditions, text_checksum
@@ -15,12 +17,15 @@ from ..control.vertical_settings import VerticalSettings
 from ..settings import VERSION, fields
 from . import stability
 from .lab import Lab, MissingResult
-from .results import Result
+from .results import Quantity, Result
+from .sampled_loop import law_version
+from .trials import RELEASE
 
 FILE = "module_certificate.yaml"
 _MET = ("hand", "heavy_arm", "wall")
 """Environments of `stability` on which a permitted gain is stable. On a light mass against a wall
 hardly any is; there the chatter guard ends the oscillation."""
+_SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
 _SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 
 
@@ -35,24 +40,67 @@ def write(lab: Lab, result: Result, serial: str) -> None:
         "version": VERSION,
         "serial": serial,
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "software": software(),
+        "software": f"{software()}, law {law_version()}",
         "bench": lab.bench.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
-        "delivered": {
-            q.name: {"value": round(q.value, 6), "unit": q.unit, "what": q.text}
-            for q in result.quantities
-        },
+        "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
     }
     content |= _gains(lab)
     text = _yaml(content)
     text += _yaml({"sha256": text_checksum(text)})
-    (lab.folder / FILE).write_text(text, encoding="utf-8")
+    unfinished = lab.folder / f"{FILE}.unfinished"
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(lab.folder / FILE)
+
+
+def own_serial(lab: Lab, serial: str) -> str:
+    """Return the serial number for a file about the module on the lab's bench.
+
+    Raises ValueError for a simulated module's number on hardware.
+    """
+    if RELEASE not in lab.bench.offers and serial.startswith(_SIMULATED):
+        raise ValueError(
+            f"serial: {serial} is a simulated module's: name that of this one, with settings such "
+            "as {serial: ARM-0007}"
+        )
+    return serial
+
+
+def _delivered(q: Quantity) -> dict[str, Any]:
+    found = {"value": round(q.value, 6), "unit": q.unit, "what": q.text}
+    if math.isfinite(q.uncertainty):
+        found["uncertainty"] = round(q.uncertainty, 6)
+    return found
+
+
+def _over_frequency(result: Result) -> dict[str, Any]:
+    """Return resistance and apparent mass over the frequency, by mode."""
+    if "frequencies" not in result.data:
+        return {}
+    frequencies, omega = result.data["frequencies"], 2.0 * np.pi * result.data["frequencies"]
+    stiffness, table = result.settings["stiffness"], {}
+    for name in (key[11:] for key in result.data if key.startswith("resistance_")):
+        mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
+        rows = {"resistance_Ns_m": result.data[f"resistance_{name}"], "apparent_mass_kg": mass}
+        table[name] = {
+            row: [round(float(v), 4) if np.isfinite(v) else None for v in values]
+            for row, values in rows.items()
+        }
+    what = (
+        "Re Z, and Im Z without the commanded spring as a mass. Where Re Z is negative the handle "
+        "gives energy to what it touches. Compensated friction is taken from this margin."
+    )
+    return {
+        "impedance_over_frequency": {
+            "frequencies_Hz": [float(f) for f in frequencies], "modes": table, "what": what,
+        }
+    }  # fmt: skip
 
 
 def software() -> str:
     """Return the version of this package, "unknown" where it is not installed."""
     try:
-        return version("screw_module_ros")
+        return version_of("screw_module_ros")
     except PackageNotFoundError:
         return "unknown"
 
@@ -60,18 +108,24 @@ def software() -> str:
 def _gains(lab: Lab) -> dict[str, Any]:
     """Return largest stable gains with margins over the defaults, permitted gains and conditions.
 
-    Raises MissingResult if the gains are of a version that kept no conditions.
+    Raises MissingResult if the gains are of another version of the law, or kept no conditions.
     """
     try:
         gains = lab.result(stability.NAME)
     except MissingResult:
         return {}
+    if (version := gains.settings.get("law_version")) != law_version():
+        raise MissingResult(
+            f"the gains of {stability.NAME} were found for version {version} of the law, now it "
+            f"is {law_version()}: run {stability.NAME} again"
+        )
     found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
     return {
         "largest_gains": {
             name: {
-                "gain": round(q.value, 2),
-                "margin": round(q.value / _default(name.split("_")[0]), 2),
+                "gain": _rounded(q.value),
+                "uncertainty": _rounded(q.uncertainty),
+                "margin": _rounded(q.value / _default(name.split("_")[0])),
                 "what": q.text,
             }
             for name, q in found.items()
@@ -92,6 +146,11 @@ def _conditions(gains: Result) -> dict[str, float]:
             f"found, an older version wrote it: run {stability.NAME} again"
         )
     return {name: gains.settings[name] for name in Conditions._fields}
+
+
+def _rounded(value: float) -> float | None:
+    """Return a value for the file, nothing for one that is infinite or unknown."""
+    return round(value, 2) if math.isfinite(value) else None
 
 
 def _default(law: str) -> float:

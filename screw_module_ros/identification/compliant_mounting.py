@@ -335,8 +335,7 @@ def _notes(
         "first element and the factor b1 in its second; its inertia is about the screw's centre, "
         "which is correct only at z = 0. "
         "Here the equation is derived again. With b = 0 the printed second element would make the "
-        "system very slightly unstable (real parts of +-0.17 rad/s with the default screw), "
-        "without a change of peaks and dip.",
+        "system very slightly unstable, without a change of peaks and dip.",
     )
 
 

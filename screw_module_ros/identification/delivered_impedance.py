@@ -60,6 +60,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     Cancelled, NotPossible.
     """
     validated(settings)
+    serial = certificate.own_serial(lab, settings.serial)
     usual = law_of(lab)._replace(stiffness=settings.stiffness)
     names = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
     trials = {
@@ -80,16 +81,25 @@ def run(lab: Lab, settings: Settings) -> Result:
         notes += note
         quantities += _fitted(name, frequencies, found, settings.stiffness)
         quantities.append(_friction(settings, usual, mode, frequencies, found))
+        if (negative := frequencies[found.real < 0.0]).size:
+            hertz = ", ".join(f"{f:g}" for f in negative)
+            notes.append(f"In {name} the resistance is negative at {hertz} Hz: not passive there.")
+    unsure = [q.name for q in quantities if abs(q.uncertainty) >= abs(q.value)]
+    quantities = [q for q in quantities if q.name not in unsure]
+    if unsure:
+        notes.append(f"Not determined, left out: {', '.join(unsure)}.")
     if TRUTH in lab.bench.offers:
         quantities += _at_rest(lab, usual, names)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
-    certificate.write(lab, result, settings.serial)
+    certificate.write(lab, result, serial)
     return result
 _NOTES = (
     "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
     "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "
     "harmonic of the slowest sine, without the damper's part. Mass: from the reactance at 4 Hz and "
     "above, with the commanded stiffness. The chatter guard is off, as it would react to the hand.",
+    "Compensated friction is taken from the passivity margin: friction that the law removes no "
+    "longer damps an oscillation.",
 )
 
 
@@ -193,16 +203,23 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
 
 
 def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float) -> list[Quantity]:
+    """Return mass, damping and stiffness; uncertainties: half of the range over the frequencies.
+
+    That of the stiffness is what the apparent mass takes from it.
+    """
     omega = 2.0 * math.pi * frequencies
     fast = frequencies >= _FAST
     masses = (z.imag[fast] + stiffness / omega[fast]) / omega[fast]
     slow = int(np.argmin(frequencies))
+    mass, resistance = float(np.median(masses)), z.real[~fast]
     return [
-        Quantity(f"mass_{name}", float(np.median(masses)), float(np.ptp(masses) / 2.0), "kg",
+        Quantity(f"mass_{name}", mass, float(np.ptp(masses) / 2.0), "kg",
                  f"apparent mass above 4 Hz, {name}"),
-        Quantity(f"damping_{name}", float(np.median(z.real[~fast])), math.nan, "Ns/m",
+        Quantity(f"damping_{name}", float(np.median(resistance)),
+                 float(np.ptp(resistance) / 2.0) if len(resistance) > 1 else math.nan, "Ns/m",
                  f"resistance below 4 Hz, friction included, {name}"),
-        Quantity(f"stiffness_{name}", float(-z.imag[slow] * omega[slow]), math.nan, "N/m",
+        Quantity(f"stiffness_{name}", float(-z.imag[slow] * omega[slow]),
+                 abs(mass) * float(omega[slow]) ** 2, "N/m",
                  f"stiffness at {frequencies[slow]:g} Hz, inertia included, {name}"),
     ]  # fmt: skip
 
@@ -218,18 +235,21 @@ def draw(result: Result) -> dict[str, Figure]:
     for name, colour in zip(names, COLOURS, strict=False):
         line = {"marker": "o", "markersize": 3.0, "color": colour}
         mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
-        left.semilogx(frequencies, result.data[f"resistance_{name}"], **line,
-                      label=name.replace("_", " "))  # fmt: skip
-        fast = frequencies >= _FAST
-        right.semilogx(frequencies[fast], mass[fast], **line)
-    left.axhspan(min(left.get_ylim()[0], -5.0), 0.0, color="#f3d9d0", zorder=0,
-                 label="negative: not passive there")  # fmt: skip
-    left.axhline(0.0, color=DESIRED, linewidth=0.8)
-    right.axhline(0.0, color=DESIRED, linewidth=0.8)
-    left.set_title("Resistance Re Z, friction included [Ns/m]", loc="left")
-    right.set_title("Apparent mass from Im Z [kg]", loc="left")
-    for axes in (left, right):
+        left.plot(frequencies, result.data[f"resistance_{name}"], **line,
+                  label=name.replace("_", " "))  # fmt: skip
+        right.plot(frequencies, mass, **line)
+    for axes, linear in ((left, 10.0), (right, 5.0)):
+        axes.set_xscale("log")
+        axes.set_yscale("symlog", linthresh=linear)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.axhline(0.0, color=DESIRED, linewidth=0.8)
         axes.set_xlabel("frequency [Hz]")
+    low, high = left.get_ylim()
+    left.set_ylim(min(low, -20.0), high)
+    left.axhspan(min(low, -20.0), 0.0, color="#f3d9d0", zorder=0,
+                 label="negative: the handle gives energy")  # fmt: skip
+    left.set_title("Resistance Re Z, friction included [Ns/m]", loc="left")
+    right.set_title("Apparent mass from Im Z, spring taken off [kg]", loc="left")
     figure.legend(loc="outside lower center", ncols=3)
     figures = {"impedance": figure}
     known = {quantity.name for quantity in result.quantities}

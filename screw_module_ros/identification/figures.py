@@ -147,7 +147,11 @@ def path_views(
     if not paths:
         raise ValueError("no paths to draw")
     figure = Figure(figsize=(max(4.0, 3.0 * len(paths)), 5.6), layout="constrained")
-    views = figure.subplots(2, len(paths), sharex=True, sharey="row", squeeze=False)
+    spans = np.ptp(np.concatenate([path.points for path in paths]), axis=0)
+    views = figure.subplots(
+        2, len(paths), sharex=True, sharey="row", squeeze=False,
+        gridspec_kw={"height_ratios": np.maximum(spans[1:], 0.1 * spans.max())},
+    )  # fmt: skip
     for (above, front), path, colour in zip(views.T, paths, COLOURS * len(paths), strict=False):
         if targets is not None:
             above.scatter(*targets.T, color=DESIRED, s=24, zorder=3, label="targets")
@@ -210,8 +214,8 @@ def filter_figure(taps: np.ndarray, title: str) -> Figure:
 
 def error_map(table: np.ndarray, rows: Sequence[str], columns: Sequence[str], title: str) -> Figure:
     """Draw rms errors [N], shape (rows, columns), as a map with the numbers in it."""
-    figure = Figure(figsize=(1.9 + 0.62 * len(columns), 2.6 + 0.36 * len(rows)),
-                    layout="constrained")  # fmt: skip
+    size = (max(5.5, 3.0 + 0.62 * len(columns)), 2.9 + 0.36 * len(rows))
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
     axes.grid(False)
     image = axes.imshow(table, cmap="cividis_r", norm=LogNorm(0.05, 20.0, clip=True), aspect="auto")

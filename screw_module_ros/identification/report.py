@@ -237,8 +237,8 @@ class Report(NamedTuple):
         """One sentence that counts predictions alone."""
         counts = self.counts(PREDICTION)
         return (
-            f"Of {sum(counts.values())} predictions {counts[AGREES]} agree with the thesis, "
-            f"{counts[COMPATIBLE]} are compatible within a wide tolerance, {counts[DIFFERS]} differ"
+            f"Predictions: {counts[AGREES]} of {sum(counts.values())} agree with the thesis, "
+            f"{counts[COMPATIBLE]} more within a wide tolerance only, {counts[DIFFERS]} differ"
         )
 
     def tables(self) -> list[Table | str]:

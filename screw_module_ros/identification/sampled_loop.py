@@ -1,35 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stability of the vertical loop as a linear sampled system with contact (thesis 7.1).
 
-Nut and handle are two masses in permanent contact, without play and friction. The environment, an
-arm or a wall, is a mass, a spring and a damper at the handle. Amplifier pole and transducer filter
-are continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius is
-below one. Friction stabilises and play destabilises the real loop, so the result is neither a lower
-nor an upper bound of the real gain, but the limit of the linear loop.
+The law is the one that the robot executes: `linear_law` settles `control.vertical` about a pressed
+handle and takes differences of its step. The module is two masses in permanent contact, without
+play and friction, the screw in its mount (appendix A) if that is not rigid. The environment, an arm
+or a wall, is a mass, a spring and a damper at the handle. Amplifier pole and transducer filter are
+continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius is below
+one. Friction stabilises and play destabilises the real loop, so the result is neither a lower nor
+an upper bound of the real gain, but the limit of the linear loop.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from ..control.vertical_settings import CARRIED_HZ
+from .. import control
+from ..calibration.module import thesis_friction
+from ..compiled import compiled, packed
+from ..control.modes import uses_observer
+from ..control.vertical import VerticalInput, initial_state, vertical_step
+from ..control.vertical_settings import VerticalSettings
+from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
 
-_N, _H, _C, _F = 0, 2, 4, 5  # nut, handle, amplifier, transducer filter in the state
-_STATES = 6
+MOST = 100.0
+"""Largest gain of a search."""
+_N, _M, _H, _C, _F = 0, 2, 4, 6, 7  # nut, mount, handle, amplifier, transducer filter in the state
+_STATES = 8
+_AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
+_SETTLE_S = 3.0
+_STEP = 1e-7  # of a difference; one-sided: a negative mean square is no state of the guard
+_NOTHING = 1e-9  # a smaller entry of a difference is rounding
 
 
 class Mechanism(NamedTuple):
-    """nut_mass, handle_mass [kg]; contact_stiffness [N/m], contact_damping [Ns/m]; amplifier: its
-    pole [Hz]; transducer: its filter [Hz]."""
+    """nut_mass, handle_mass [kg]; contact_stiffness [N/m], contact_damping, film_damping [Ns/m]
+    between them; amplifier: its pole [Hz]; transducer: its filter [Hz]; mount_stiffness [N/m], 0 =
+    rigid, mount_damping [Ns/m], mount_mass [kg]: of the screw in its mount."""
 
     nut_mass: float = 4.4666
     handle_mass: float = 1.0234
     contact_stiffness: float = 20e6
     contact_damping: float = 3000.0
+    film_damping: float = 700.0
+    mount_stiffness: float = 0.0
+    mount_damping: float = 400.0
+    mount_mass: float = 3.25
     amplifier: float = 1000.0
     transducer: float = 1000.0
 
@@ -49,39 +71,128 @@ class Sampling(NamedTuple):
     delay: float = 1.26e-3
 
 
-class Feedback(NamedTuple):
-    """Force feedback of eq 6.6. gain; cutoff [Hz]; stiffness [N/m], damping [Ns/m] of the spring;
-    velocity_cutoff [Hz]."""
+class Law(NamedTuple):
+    """The law in a mode of `control.modes`; velocity_cutoff: of the encoder's filter [Hz].
 
-    gain: float
-    cutoff: float = 30.0
-    stiffness: float = 100.0
-    damping: float = 0.0
-    velocity_cutoff: float = 30.0
-
-
-class Observer(NamedTuple):
-    """OBSERVER of `control.observer`. gain; cutoff [Hz]; bandwidth [rad/s]; mass [kg], delay [s]
-    assumed by the observer; stiffness [N/m], damping [Ns/m]; inertia: share of the remaining mass
-    that the law carries, without the reduction for a hand that does not hold firmly.
+    Its gain is `force_gain`, in OBSERVER `observer_gain`.
     """
 
-    gain: float
-    cutoff: float = 9.0
-    bandwidth: float = 300.0
-    mass: float = 5.5
-    delay: float = 1.4e-3
-    stiffness: float = 100.0
-    damping: float = 5.0
-    inertia: float = 0.0
+    mode: int
+    settings: VerticalSettings
+    velocity_cutoff: float = 30.0
+
+    @property
+    def gain(self) -> float:
+        """The force gain."""
+        return getattr(self.settings, self._name)
+
+    @property
+    def _name(self) -> str:
+        return "observer_gain" if uses_observer(self.mode) else "force_gain"
+
+    def with_gain(self, gain: float) -> Law:
+        """Return the law with another force gain."""
+        return self._replace(settings=self.settings._replace(**{self._name: gain}))
 
 
-def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float:
+def law_version() -> str:
+    """Return a digest of the sources of `control`, for which gains were found."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(control.__file__).parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+Linear = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""A, B, C, D; inputs: height of the nut [m], force [N]; output: command [N]."""
+
+
+@functools.lru_cache(maxsize=512)
+def linear_law(law: Law, period: float) -> Linear:
+    """Return the law about a handle that is pressed with 5 N, by differences of its step.
+
+    Friction model, stiction's dead band and chatter guard, which the linear loop leaves out, are
+    off. Only states are kept that the inputs reach and the command depends on.
+    """
+    settings = law.settings._replace(
+        friction_fraction=0.0, observer_friction=0.0, observer_rest=0.0, chatter_limit=math.inf
+    )
+    pressed = min(_PRESSED, 0.1 * settings.stiffness)  # the set point stays within the travel
+    target = _AT + pressed / settings.stiffness if settings.stiffness else _AT
+    given = (
+        packed(settings), packed(thesis_friction()), law.mode, target, period,
+        lowpass_coefficients(law.velocity_cutoff, period),
+    )  # fmt: skip
+    run, y = compiled(law_ticks), np.array((_AT, -pressed))
+    memory, motion = packed(initial_state(settings)), np.array(velocity_settled(_AT))
+    run(*given, memory, motion, y, round(_SETTLE_S / period))
+    places = _floats(memory.dtype)
+
+    def answer(bumped: int) -> np.ndarray:
+        """Return state and command after a tick; bumped: number of what is changed before it."""
+        inner, moved, seen = memory.copy(), motion.copy(), y.copy()
+        parts = (inner.view(np.float64)[places], moved, seen)
+        number = bumped
+        for part in parts:
+            if 0 <= number < len(part):
+                part[number] += _STEP
+            number -= len(part)
+        inner.view(np.float64)[places] = parts[0]
+        command = run(*given, inner, moved, seen, 1)
+        return np.concatenate((inner.view(np.float64)[places], moved, [command]))
+
+    n = len(places) + len(motion)
+    base = answer(-1)
+    jacobian = np.column_stack([(answer(k) - base) / _STEP for k in range(n + 2)])
+    jacobian[np.abs(jacobian) < _NOTHING] = 0.0
+    a, b, c, d = jacobian[:n, :n], jacobian[:n, n:], jacobian[n, :n], jacobian[n, n:]
+    used = _closure(c != 0.0, a.T) & _closure((b != 0.0).any(axis=1), a)
+    return a[np.ix_(used, used)], b[used], c[used], d
+
+
+def law_ticks(
+    settings: Any, model: Any, mode: int, target: float, period: float, smooth: Any, memory: Any,
+    motion: np.ndarray, y: np.ndarray, count: int,
+) -> float:  # fmt: skip
+    """Run the law for some ticks on one sample and return its last command [N].
+
+    settings, model, memory: from `compiled.packed`; motion: state of the velocity filter; y: height
+    [m] and force [N]. Changes memory and motion.
+    """
+    force = 0.0
+    state = VelocityState(motion[0], motion[1], motion[2])
+    for _ in range(count):
+        velocity, state = velocity_step(smooth, state, y[0], period)
+        inp = VerticalInput(mode, y[0], velocity, y[1], target, 0.0, True, 0.0, 0.0)
+        force = vertical_step(settings[0], model[0], memory[0], inp, period).force
+    motion[0], motion[1], motion[2] = state.position, state.raw, state.smooth
+    return force
+
+
+def _floats(dtype: np.dtype, begin: int = 0) -> np.ndarray:
+    """Return the numbers of a packed record's floats, counted in steps of eight bytes."""
+    found = []
+    for part, offset in ((field[0], field[1]) for field in dtype.fields.values()):
+        if part.fields:
+            found.extend(_floats(part, begin + offset))
+        elif part.base == np.float64:
+            first = (begin + offset) // 8
+            found.extend(range(first, first + part.itemsize // 8))
+    return np.array(found)
+
+
+def _closure(first: np.ndarray, onward: np.ndarray) -> np.ndarray:
+    """Return what `first` (a mask) leads to; onward[i, j]: j acts on i."""
+    found = first
+    while (more := found | (onward[:, found] != 0.0).any(axis=1)).sum() > found.sum():
+        found = more
+    return found
+
+
+def radius(plant: Linear, sampling: Sampling, law: Law) -> float:
+    """Return the spectral radius of the closed loop; plant: of `sampled`."""
     step, before, after, outputs = plant
-    if isinstance(law, Observer):
-        a, b, c, d = _observer(law, 1.0 / sampling.rate)
-    else:
-        a, b, c, d = _feedback(law, 1.0 / sampling.rate)
+    a, b, c, d = linear_law(law, 1.0 / sampling.rate)
     waiting = int(sampling.delay * sampling.rate * (1.0 + 1e-12)) + 1
     n, m = _STATES, len(a)
     size = n + m + waiting
@@ -91,9 +202,8 @@ def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float
     command[n : n + m] = c
     # The first waiting command is the newest; the last two act within this period.
     closed[:n, :n] = step
-    late = np.zeros(size)
-    late[n + m + waiting - 1] = 1.0
-    new = command if waiting == 1 else _unit(size, n + m + waiting - 2)
+    late = np.eye(size)[n + m + waiting - 1]
+    new = command if waiting == 1 else np.eye(size)[n + m + waiting - 2]
     closed[:n] += np.outer(before, late) + np.outer(after, new)
     closed[n : n + m, :n] = b @ outputs
     closed[n : n + m, n : n + m] = a
@@ -103,9 +213,7 @@ def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float
     return float(np.abs(np.linalg.eigvals(closed)).max())
 
 
-def sampled(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def sampled(mechanism: Mechanism, environment: Environment, sampling: Sampling) -> Linear:
     """Return (A, B before, B after, C) over one period; outputs: nut's height [m], force [N].
 
     A command arrives a part of a period (the delay modulo the period) after a sample; B before and
@@ -123,11 +231,23 @@ def sampled(
 
 
 def _continuous(m: Mechanism, e: Environment) -> tuple[np.ndarray, np.ndarray]:
-    """Return dynamics and input [per N of command] of nut, handle, amplifier and filter."""
+    """Return dynamics and input [per N of command] of nut, mount, handle, amplifier and filter.
+
+    The encoder turns with the screw: it does not see the deflection of the mount.
+    """
     a = np.zeros((_STATES, _STATES))
     contact = np.zeros(_STATES)  # force of the handle on the nut
-    contact[[_N, _N + 1]] = -m.contact_stiffness, -m.contact_damping
-    contact[[_H, _H + 1]] = m.contact_stiffness, m.contact_damping
+    damping = m.contact_damping + m.film_damping
+    contact[[_H, _H + 1]] = m.contact_stiffness, damping
+    contact[[_N, _N + 1]] = -m.contact_stiffness, -damping
+    if m.mount_stiffness:
+        contact[[_M, _M + 1]] = -m.contact_stiffness, -damping
+        a[_M, _M + 1] = 1.0
+        a[_M + 1] = contact / m.mount_mass
+        a[_M + 1, _M] -= m.mount_stiffness / m.mount_mass
+        a[_M + 1, _M + 1] -= m.mount_damping / m.mount_mass
+    else:
+        a[_M, _M] = a[_M + 1, _M + 1] = -1e3  # nothing moves there
     held = np.zeros(_STATES)  # of spring and damper of the environment on the handle
     held[[_H, _H + 1]] = -e.stiffness, -e.damping
     a[_N, _N + 1] = a[_H, _H + 1] = 1.0
@@ -153,101 +273,17 @@ def _held(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.nda
     return found[:n, :n], found[:n, n]
 
 
-def _lowpass(cutoff: float, period: float) -> tuple[float, float]:
-    warped = math.tan(math.pi * min(cutoff * period, 0.25))
-    return warped / (1.0 + warped), (1.0 - warped) / (1.0 + warped)
-
-
-def _feedback(law: Feedback, period: float):
-    """Return (A, B, C, D) of force feedback; state: last force and its filter, last height, last
-    difference and its filter; inputs: height, force."""
-    gain, kept = _lowpass(law.cutoff, period)
-    swift, slow = _lowpass(law.velocity_cutoff, period)
-    a, b = np.zeros((5, 5)), np.zeros((5, 2))
-    b[0, 1] = 1.0
-    a[1, 1], a[1, 0], b[1, 1] = kept, gain, gain
-    b[2, 0] = 1.0
-    a[3, 2], b[3, 0] = -1.0 / period, 1.0 / period
-    a[4, 4], a[4, 3] = slow, swift
-    a[4] += swift * a[3]
-    b[4] += swift * b[3]
-    pull = -(1.0 + law.gain)
-    c = law.gain * a[1] + pull * law.damping * a[4]
-    d = law.gain * b[1] + pull * law.damping * b[4]
-    d[0] += pull * law.stiffness
-    return a, b, c, d
-
-
-def _observer(law: Observer, period: float):
-    """Return (A, B, C, D) of OBSERVER; state: position, velocity, disturbance, last force error and
-    its filter, commands remembered, filter of the velocity."""
-    pole = math.exp(-law.bandwidth * period)
-    left = 1.0 - pole
-    periods = law.delay / period
-    whole = int(periods)
-    part = periods - whole
-    size = 5 + whole + 2 + 1
-    acceleration = np.zeros(size)
-    acceleration[2] = -1.0 / law.mass
-    acceleration[5 + whole] += (1.0 - part) / law.mass
-    acceleration[5 + whole + 1] += part / law.mass
-    force = np.array([0.0, 1.0 / law.mass])
-    ahead, ahead_in = 0.5 * period**2 * acceleration, 0.5 * period**2 * force
-    ahead[0] += 1.0
-    ahead[1] += period
-    off, off_in = -ahead, np.array([1.0, 0.0]) - ahead_in
-    a, b = np.zeros((size, size)), np.zeros((size, 2))
-    a[0], b[0] = ahead + (1.0 - pole**3) * off, ahead_in + (1.0 - pole**3) * off_in
-    swift = 1.5 * left**2 * (1.0 + pole) / period
-    a[1], b[1] = period * acceleration + swift * off, period * force + swift * off_in
-    a[1, 1] += 1.0
-    hard = law.mass * left**3 / period**2
-    a[2], b[2] = -hard * off, -hard * off_in
-    a[2, 2] += 1.0
-    pull, pull_in = -law.damping * a[1], -law.damping * b[1]
-    pull_in[0] -= law.stiffness
-    gain, kept = _lowpass(CARRIED_HZ, period)
-    a[-1], b[-1] = gain * a[1], gain * b[1]
-    a[-1, 1] += gain
-    a[-1, -1] += kept
-    carried = law.inertia * law.mass / (1.0 + law.gain) * 2.0 * math.pi * CARRIED_HZ
-    pull, pull_in = pull + carried * (a[1] - a[-1]), pull_in + carried * (b[1] - b[-1])
-    a[3], b[3] = pull, pull_in + np.array([0.0, 1.0])
-    gain, kept = _lowpass(law.cutoff, period)
-    a[4] = gain * a[3]
-    a[4, 3] += gain
-    a[4, 4] += kept
-    b[4] = gain * b[3]
-    c, d = pull + a[2] + law.gain * a[4], pull_in + b[2] + law.gain * b[4]
-    a[5], b[5] = c, d
-    for k in range(6, size - 1):
-        a[k, k - 1] = 1.0
-    return a, b, c, d
-
-
-def _unit(size: int, index: int) -> np.ndarray:
-    unit = np.zeros(size)
-    unit[index] = 1.0
-    return unit
-
-
 def largest_gain(
-    mechanism: Mechanism,
-    environment: Environment,
-    sampling: Sampling,
-    law: Feedback | Observer,
-    most: float = 100.0,
+    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Law, most: float = MOST
 ) -> float:
-    """Return the largest gain with a stable loop, 0 without any.
+    """Return the largest gain with a stable loop, 0 without any; its relative error is 1 %.
 
-    law: its gain is varied; most: largest gain of the search; the result is infinite if it is
-    stable.
+    law: its gain is varied; most: largest gain of the search; infinite if that is stable.
     """
-
     plant = sampled(mechanism, environment, sampling)
 
     def stable(gain: float) -> bool:
-        return _radius(plant, sampling, law._replace(gain=gain)) < 1.0 + 1e-9
+        return radius(plant, sampling, law.with_gain(gain)) < 1.0 + 1e-7
 
     low = 0.0
     for gain in np.geomspace(0.05, most, 30):

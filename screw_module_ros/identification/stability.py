@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predicted largest stable force gain, its limiting factor, and the onset in simulation (7.1).
 
-The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, delay,
-rate, filters and the hand allow. The effect of each limiting factor is the gain without it. On a
-simulated module without play the experiment also raises the gain until the handle chatters, for
-comparison with the prediction.
+The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, mount,
+delay, rate, filters and the hand allow, with the law that the robot executes. The effect of each
+limiting factor is the gain without it. On a simulated module without play the experiment also
+raises the gain until the handle chatters, for comparison with the prediction.
 """
 
 from __future__ import annotations
@@ -25,7 +25,15 @@ from . import gravity, inertia
 from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
 from .results import HUMAN_ARM, Experiment, Quantity, Result
-from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
+from .sampled_loop import (
+    MOST,
+    Environment,
+    Law,
+    Mechanism,
+    Sampling,
+    largest_gain,
+    law_version,
+)
 from .trials import TRUTH, Arm, MotionTrial
 
 NAME = "stability"
@@ -47,6 +55,7 @@ _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
+_SHOWN = 1.0  # least gain of the figure
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 _WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal
 
@@ -62,6 +71,12 @@ class Settings(NamedTuple):
     handle_mass: Annotated[float, Setting("beyond the play", "kg", _LEAST_HANDLE, 50.0)] = 1.0234
     contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
     contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
+    film_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e4)] = 700.0
+    mount_stiffness: Annotated[
+        float, Setting("of the screw, 0 = rigid; the softest of appendix A", "N/m", 0.0, 1e9)
+    ] = 2e6
+    mount_damping: Annotated[float, Setting("of the screw's mount", "Ns/m", 0.0, 1e5)] = 400.0
+    mount_mass: Annotated[float, Setting("that moves in the mount", "kg", 0.5, 50.0)] = 3.25
     cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
     velocity_cutoff: Annotated[float, Setting("of the velocity filter", "Hz", 0.1, 1000.0)] = 30.0
     simulated: Annotated[bool, Setting("also find the onset in simulation")] = True
@@ -71,50 +86,70 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     validated(settings)
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
-    usual = law_of(lab)
-    feedback = Feedback(5.0, settings.cutoff, velocity_cutoff=velocity_cutoff)
-    quantities, data, notes = [], {}, []
+    usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
+    feedback, moving, resting = laws_of(usual, velocity_cutoff)
+    quantities, data = [], {}
+    mount = mechanism.mount_stiffness
+    notes = [f"The screw's mount: {f'{mount:g} N/m' if mount else 'rigid'}. {_NOTE}"]
     for name, (text, environment) in ENVIRONMENTS.items():
-        loops = (
-            ("feedback", (feedback,)),
-            ("observer", _observers(usual)),
-        )
-        for law_name, variants in loops:
-            gain, law = weakest(mechanism, environment, sampling, variants)
-            quantities.append(
-                Quantity(f"{law_name}_{name}", gain, math.nan, "",
-                         f"largest stable gain predicted, {law_name}, {text}")
-            )  # fmt: skip
+        given = (mechanism, environment, sampling)
+        for law_name, variants in (("feedback", (feedback,)), ("observer", (moving, resting))):
+            gain, law = weakest(*given, variants)
+            where = f"{law_name}, {text}"
+            quantities.append(_predicted(f"{law_name}_{name}", gain, where))
             if gain <= 0.0:
-                notes.append(f"{law_name}, {text}: no gain is stable.")
-                continue
-            costs = limits(mechanism, environment, sampling, law)
-            data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
-            worst = max(costs, key=costs.get)
-            notes.append(f"{law_name}, {text}: limited by {worst}; {_costs_text(costs)}.")
-        predicted = quantities[-2].value
-        quantities += _by_hand(name, text, mechanism, environment, sampling, settings.cutoff)
+                notes.append(f"{where}: no gain is stable.")
+            elif math.isfinite(gain):
+                costs = limits(*given, law)
+                data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
+                worst = max(costs, key=costs.get)
+                notes.append(f"{where}: limited by {worst}; {_costs_text(costs)}.")
+            else:
+                notes.append(f"{where}: no gain up to {MOST:g} is unstable.")
+        predicted = min(quantities[-2].value, _MOST)
+        quantities += _by_hand(name, text, *given, settings.cutoff)
         if settings.simulated and TRUTH in lab.bench.offers and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
-    observer, _ = _observers(usual)
-    laws = (feedback, observer, observer._replace(inertia=0.0))
-    data |= _curves(mechanism, sampling, dict(zip(CURVES, laws, strict=True)))
-    notes.append(
-        "Factor of each limit: largest gain without this limit over the largest gain with it. The "
-        "linear loop has neither friction, which stabilises, nor play, which destabilises. The "
-        "hand formula models the environment as a mass and does not apply to walls. The figure's "
-        "observer carries all of its mass; the controller carries less for a light hand, so its "
-        "limit lies between that curve and the one without a carried mass."
-    )
-    used = conditions_of(usual._replace(force_cutoff=settings.cutoff), *sampling, velocity_cutoff)
+    plain = moving._replace(settings=moving.settings._replace(observer_inertia=0.0))
+    data |= _curves(mechanism, sampling, dict(zip(CURVES, (feedback, moving, plain), strict=True)))
+    used = conditions_of(usual, *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
+    in_force["law_version"] = law_version()
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
+_NOTE = (
+    "The law is that of this version, by differences of its step. Factor of each limit: largest "
+    "gain without this limit over the largest gain with it. The linear loop has neither friction, "
+    "which stabilises, nor play, which destabilises. The hand formula models the environment as a "
+    "mass and does not apply to walls. The figure's observer carries all of its mass; the "
+    "controller carries less for a light hand, so its limit lies between that curve and the one "
+    "without a carried mass."
+)
+
+
+def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[Law, Law, Law]:
+    """Return force feedback, and OBSERVER in motion and at rest, where it has another damper."""
+    moving = usual._replace(rest_damping=0.0)
+    return (
+        Law(modes.FORCE_FEEDBACK, usual, velocity_cutoff),
+        Law(modes.OBSERVER, moving, velocity_cutoff),
+        Law(modes.OBSERVER, usual, velocity_cutoff),
+    )
+
+
+def _predicted(name: str, gain: float, where: str) -> Quantity:
+    """Return a gain with half of the search's last interval as its uncertainty."""
+    text = f"largest stable gain predicted, {where}"
+    if math.isinf(gain):
+        return Quantity(name, gain, math.nan, "", f"{text}; none up to {MOST:g} is unstable")
+    return Quantity(name, gain, 0.005 * gain or math.nan, "", text)
+
+
 def limits(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Feedback | Observer
+    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Law
 ) -> dict[str, float]:
     """Return the largest gain without each limit over the largest gain with it, by name.
 
@@ -123,31 +158,28 @@ def limits(
     now = largest_gain(mechanism, environment, sampling, law)
     if now <= 0.0:
         raise ValueError("no gain is stable: its limits cannot be determined")
+    firm = mechanism._replace(contact_stiffness=30.0 * mechanism.contact_stiffness,
+                              contact_damping=5.0 * mechanism.contact_damping)  # fmt: skip
+    quick = mechanism._replace(amplifier=2e4, transducer=2e4)
     # The delay stays constant when the period changes.
     without = {
-        "the delay": (mechanism, environment, sampling._replace(delay=1e-6), law),
-        "the sampling rate": (mechanism, environment, sampling._replace(
-            rate=4.0 * sampling.rate), law),
-        "the contact": (mechanism._replace(contact_stiffness=30.0 * mechanism.contact_stiffness,
-                                           contact_damping=5.0 * mechanism.contact_damping),
-                        environment, sampling, law),
-        "amplifier and transducer": (mechanism._replace(amplifier=2e4, transducer=2e4),
-                                     environment, sampling, law),
-        "the environment's mass": (mechanism, environment._replace(mass=0.0), sampling, law),
-        "the environment's stiffness": (mechanism, environment._replace(stiffness=0.0),
-                                        sampling, law),
-    }  # fmt: skip
-    return {
-        name: min(largest_gain(*loop, most=1000.0), 1000.0) / now for name, loop in without.items()
+        "the delay": (mechanism, environment, sampling._replace(delay=1e-6)),
+        "the sampling rate": (mechanism, environment, sampling._replace(rate=4.0 * sampling.rate)),
+        "the contact": (firm, environment, sampling),
+        "the mount": (mechanism._replace(mount_stiffness=0.0), environment, sampling),
+        "amplifier and transducer": (quick, environment, sampling),
+        "the environment's mass": (mechanism, environment._replace(mass=0.0), sampling),
+        "the environment's stiffness": (mechanism, environment._replace(stiffness=0.0), sampling),
     }
+    if not mechanism.mount_stiffness:
+        del without["the mount"]
+    return {name: min(largest_gain(*loop, law, 1000.0), 1000.0) / now
+            for name, loop in without.items()}  # fmt: skip
 
 
 def weakest(
-    mechanism: Mechanism,
-    environment: Environment,
-    sampling: Sampling,
-    laws: Sequence[Feedback | Observer],
-) -> tuple[float, Feedback | Observer]:
+    mechanism: Mechanism, environment: Environment, sampling: Sampling, laws: Sequence[Law]
+) -> tuple[float, Law]:
     """Return the smallest of the largest stable gains of some laws, and the law that has it."""
     gains = [largest_gain(mechanism, environment, sampling, law) for law in laws]
     least = min(gains)
@@ -203,20 +235,20 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
     """
     if TRUTH not in lab.bench.offers:
         settings = _weighed(lab, settings)
-        return (
-            Mechanism(settings.nut_mass, settings.handle_mass, settings.contact_stiffness,
-                      settings.contact_damping),
-            Sampling(settings.rate, settings.delay),
-            settings.velocity_cutoff,
-        )  # fmt: skip
+        mechanism = Mechanism(**_shared(settings))
+        return mechanism, Sampling(settings.rate, settings.delay), settings.velocity_cutoff
     world, loop = lab.bench.world, lab.bench.loop
     v, a = world.vertical, world.amplifier
-    return (
-        Mechanism(v.turning_mass, v.moving_mass, v.contact_stiffness, v.contact_damping,
-                  a.bandwidth, world.sensor.bandwidth),
-        Sampling(loop.rate, loop.command_delay + a.delay),
-        loop.cutoff,
+    mechanism = Mechanism(
+        v.turning_mass, v.moving_mass, amplifier=a.bandwidth, transducer=world.sensor.bandwidth,
+        **_shared(v),
     )  # fmt: skip
+    return mechanism, Sampling(loop.rate, loop.command_delay + a.delay), loop.cutoff
+
+
+def _shared(record: tuple) -> dict[str, float]:
+    """Return what a record has of the mechanism's fields, under the same names."""
+    return {name: getattr(record, name) for name in Mechanism._fields if hasattr(record, name)}
 
 
 def _identified(lab: Lab) -> tuple[float, float] | None:
@@ -248,15 +280,6 @@ def law_of(lab: Lab) -> VerticalSettings:
     return law if found is None else law.calibrated(*found)
 
 
-def _observers(law: VerticalSettings) -> tuple[Observer, Observer]:
-    """Return OBSERVER in motion and at rest, where it has another damper."""
-    moving = Observer(
-        law.observer_gain, law.observer_cutoff, law.observer_bandwidth, law.mass,
-        law.observer_delay, law.stiffness, law.least_damping, law.observer_inertia,
-    )  # fmt: skip
-    return moving, moving._replace(damping=moving.damping + law.rest_damping)
-
-
 def _costs_text(costs: dict[str, float]) -> str:
     return ", ".join(f"{name} x{factor:.2g}" for name, factor in costs.items())
 
@@ -286,7 +309,7 @@ def _found(name: str, text: str, low: float, high: float) -> Quantity:
 
 
 def _curves(
-    mechanism: Mechanism, sampling: Sampling, laws: dict[str, Feedback | Observer]
+    mechanism: Mechanism, sampling: Sampling, laws: dict[str, Law]
 ) -> dict[str, np.ndarray]:
     """Return the largest gain over the delay and over the environment's mass, for a figure.
 
@@ -309,34 +332,42 @@ def _curves(
 def draw(result: Result) -> dict[str, Figure]:
     """Draw the largest stable gain over the delay and over the mass of the arm at the handle."""
     data = result.data
-    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    figure = Figure(figsize=(8.6, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for number, (name, label) in enumerate(CURVES.items()):
         style = {"color": COLOURS[number], "label": label, "marker": "o", "markersize": 2.5,
-                 "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}
-        left.plot(1e3 * data["delays"], _stable(data[f"delay_{name}"]), **style)
-        right.plot(data["masses"], _stable(data[f"mass_{name}"]), **style)
-    for number, axes in enumerate((left, right)):
+                 "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}  # fmt: skip
+        for axes, x, gains in (
+            (left, 1e3 * data["delays"], data[f"delay_{name}"]),
+            (right, data["masses"], data[f"mass_{name}"]),
+        ):
+            axes.plot(x, np.where(gains >= _SHOWN, gains, np.nan), **style)
+            if (low := gains < _SHOWN).any():
+                axes.plot(x[low], np.full(low.sum(), 1.1 * _SHOWN), "v", color=COLOURS[number],
+                          markerfacecolor="none", markersize=5)  # fmt: skip
+    for axes, label in ((left, "delay from sample to current [ms]"),
+                        (right, "mass of the arm at the handle [kg]")):  # fmt: skip
         axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")
         axes.set_yscale("log")
-        axes.set_xlabel(
-            ("delay from sample to current [ms]", "mass of the arm at the handle [kg]")[number]
-        )
+        axes.set_xlabel(label)
     right.set_xscale("log")
-    left.set_ylim(bottom=1.0)
+    left.set_ylim(bottom=0.9 * _SHOWN)
     left.set_ylabel("largest stable force gain")
     left.set_title("A hand of 3 kg", loc="left")
     right.set_title("The loop's own delay", loc="left")
+    if any((gains < _SHOWN).any() for key, gains in data.items() if key.startswith("mass_")):
+        said = right.text(
+            0.04, 0.1, "triangles: less than 1, or none. The force\n"
+            "that carries the mass lags by its filter and\n"
+            "swings a light arm; the controller carries\nless for one.",
+            transform=right.transAxes, fontsize=8,
+        )  # fmt: skip
+        said.set_in_layout(False)
     figure.suptitle(
         "Largest force gain of the linear loop (7.1); dashed: the thesis's 5", x=0.01, ha="left"
     )
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return {"stability": figure}
-
-
-def _stable(gains: np.ndarray) -> np.ndarray:
-    """Return the gains, NaN where none is stable."""
-    return np.where(gains > 0.0, gains, np.nan)
 
 
 EXPERIMENT = Experiment(

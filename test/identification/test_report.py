@@ -74,7 +74,7 @@ def test_only_predictions_are_in_the_headline():
     report = Report([module_with(repeatability=Outcome(result, "", 1.0))])
     groups = [row.group for row in report.compared]
     assert groups == [PREDICTION, PREDICTION, INPUT, CALCULATION]
-    assert report.headline.startswith("Of 2 predictions 1 agree with the thesis, 0 are")
+    assert report.headline.startswith("Predictions: 1 of 2 agree with the thesis, 0 more")
 
 
 @pytest.mark.parametrize(
