@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an operator does next, by what he sees; without ROS's graph."""
+"""What an operator does next, by what he sees; the steps one after the other. No graph runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from screw_module_msgs.msg import (
     SafetyState,
 )
 
-from screw_module_ros.operator.bring_up import DRIVES, WORKS, Seen, next_step
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.operator import bring_up as bringing
+from screw_module_ros.operator.bring_up import DRIVES, WORKS, Seen, bring_up, next_step
+from screw_module_ros.operator.client import RobotError
 
 MODE = ForceCommand.COMBINED
 ENABLED = AmplifierState.OPERATION_ENABLED
@@ -125,3 +128,77 @@ def test_a_drive_that_is_not_wanted_stays_as_it_is():
     seen = WORKING._replace(manus=None)
     assert next_step(seen, MODE, RESTS, DRIVES[:1]) is WORKS
     assert next_step(seen, MODE, RESTS) is not WORKS
+
+
+class PlayedRobot:
+    """Answers as it is told; a granted service changes what is seen, as the real nodes do."""
+
+    def __init__(self, seen, refusals=()):
+        self.clock, self.asked = ManualClock(1_000_000_000), []
+        self.seen, self._refusals = seen, dict(refusals)
+
+    def call(self, kind, service, request, deadline_s):
+        self.asked.append((service, self.clock.now_ns()))
+        left = self._refusals.get(service, 0)
+        self._refusals[service] = left - 1
+        if left > 0:
+            return SimpleNamespace(success=False, message="not now")
+        node, _, act = service.partition("/")
+        if act == "enable":
+            self.seen = self.seen._replace(**{node: getattr(WORKING, node)})
+        elif act == "home":
+            self.seen = self.seen._replace(encoder=WORKING.encoder)
+        return SimpleNamespace(success=True, message="done")
+
+    def pause(self, seconds):
+        self.clock.sleep(seconds)
+
+    def complaints_text(self):
+        return "; a complaint"
+
+
+@pytest.fixture
+def brought_up(monkeypatch):
+    """Bring a played robot up, nobody's hand in the way."""
+    monkeypatch.setattr(bringing, "look", lambda robot, tared_s: robot.seen)
+    nobody = SimpleNamespace(at_rest=True, **dict.fromkeys(vars(RESTS).keys() - {"at_rest"}, int))
+    return lambda robot, **more: bring_up(robot, MODE, nobody, **more)
+
+
+STARTED = WORKING._replace(encoder=None, amplifier=OFF, manus=PLANE_OFF)
+
+
+def test_a_refused_homing_is_asked_for_again_when_it_can_count(brought_up):
+    robot = PlayedRobot(STARTED, {"encoder/home": 1})
+    operation = brought_up(robot)
+    (first, at), (again, later), *enabling = robot.asked
+    assert (first, again) == ("encoder/home", "encoder/home") and 1e9 < later - at < 15e9
+    assert [service for service, _ in enabling] == ["amplifier/enable", "manus/enable"]
+    assert operation.services == {"encoder/home", "amplifier/enable", "manus/enable"}
+    assert operation.enabled_ns == enabling[0][1]
+    assert robot.clock.now_ns() - operation.enabled_ns >= 0.6e9, "the torque has ramped in"
+
+
+def test_an_axis_is_not_enabled_while_the_other_refuses(brought_up):
+    robot = PlayedRobot(STARTED._replace(encoder=WORKING.encoder), {"amplifier/enable": 2})
+    operation = brought_up(robot)
+    asked = [service for service, _ in robot.asked]
+    assert asked == ["amplifier/enable"] * 3 + ["manus/enable"]
+    assert operation.enabled_ns == robot.asked[2][1], "the first one that was granted"
+
+
+def test_what_did_not_help_is_said_at_the_deadline(brought_up):
+    robot = PlayedRobot(STARTED, {"encoder/home": 1000})
+    with pytest.raises(
+        RobotError, match="no operation: encoder/home was refused: not now; a complaint"
+    ):
+        brought_up(robot, deadline_s=5.0)
+    robot = PlayedRobot(WORKING._replace(safety=None))
+    with pytest.raises(RobotError, match="no operation: the supervisor is silent"):
+        brought_up(robot, deadline_s=5.0)
+    assert robot.clock.now_ns() == pytest.approx(6e9, rel=0.01) and not robot.asked
+
+
+def test_a_robot_that_works_is_asked_for_nothing(brought_up):
+    robot = PlayedRobot(WORKING)
+    assert brought_up(robot).services == frozenset() and not robot.asked
