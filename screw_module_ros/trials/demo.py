@@ -170,17 +170,20 @@ class Results(NamedTuple):
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
 @click.option("--composed", is_flag=True, help="Encoder to amplifier in one process.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
+@click.option("--devices", default="", metavar="NAME,...", help="Makes of the simulated devices.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
 def demo(
     console: Console, folder: Path, quick: bool, keep_bag: bool, params: str | None,
-    node_logs: bool, composed: bool, wall_clock: bool, strict: bool,
+    node_logs: bool, composed: bool, wall_clock: bool, devices: str, strict: bool,
 ) -> bool:  # fmt: skip
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
     begun = time.monotonic()
     run = new_folder(folder, console)
     extra = [*recordings_in(run), "-p", "session_recorder:name:=session"]
     extra += [] if node_logs else ["--disable-stdout-logs"]
-    nodes = GraphRun(params, extra=extra, composed=composed, wall_clock=wall_clock)
+    nodes = GraphRun(
+        params, extra=extra, composed=composed, wall_clock=wall_clock, devices=devices
+    )
     with running("demo", console, nodes) as (robot, _):
         make_ready(robot, console)
         bag = robot.start_recording()
