@@ -172,6 +172,8 @@ def _enabling_step(seen: Seen, mode: int, hand: Hand, drives: Sequence[str]) -> 
         service = "impedance_controller/set_mode"
         return Step("another mode is chosen", (service,), SetControlMode, {"mode": mode})
     off = tuple(f"{name}/enable" for name in drives if not getattr(seen, name).enabled)
+    if not off and seen.tared_s < _AGAIN_S and seen.force_level != DiagnosticStatus.OK:
+        return Step("the force sensor does not report its tare yet")
     if not off:
         return WORKS
     if not hand.at_rest:

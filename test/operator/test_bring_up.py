@@ -102,6 +102,7 @@ def test_what_is_missing_is_mended_first_things_first(change, services, before):
         (safety(SafetyState.WAITING, "manus: not seen"), "manus: not seen"),
         (safety(SafetyState.WAITING), "the supervisor waits"),
         ({"controller": None}, "impedance_controller is silent"),
+        ({**ILL, "tared_s": 0.5}, "does not report its tare yet"),
     ],
 )
 def test_what_comes_by_itself_is_waited_for(change, why):
