@@ -129,6 +129,10 @@ def test_a_drive_that_is_not_wanted_stays_as_it_is():
     seen = WORKING._replace(manus=None)
     assert next_step(seen, MODE, RESTS, DRIVES[:1]) is WORKS
     assert next_step(seen, MODE, RESTS) is not WORKS
+    seen = WORKING._replace(manus=PLANE_OFF)
+    assert next_step(seen, MODE, RESTS, DRIVES[:1]) is WORKS
+    faulted = seen._replace(**manus(faulted=True))  # without it the supervisor permits nothing
+    assert next_step(faulted, MODE, RESTS, DRIVES[:1]).services == ("manus/clear_fault",)
 
 
 class PlayedRobot:
