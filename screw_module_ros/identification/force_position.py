@@ -20,7 +20,7 @@ from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
 from .figures import axes_for
 from .figures import force_position as loops
-from .force_metric import Spring, offsets
+from .force_metric import MOTION_THRESHOLD, Offsets, Spring, offsets  # noqa: F401, for trials
 from .lab import Lab, Part, by_name
 from .recorded_session import Trace
 from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..plant.settings import load_world
-from .in_process import InProcessBench
+from .bench import InProcessBench
 from .trials import MotionTrial, StageTrial, Trial
 
 SECONDS = 60.0
