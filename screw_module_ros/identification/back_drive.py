@@ -480,8 +480,7 @@ def draw(result: Result) -> dict[str, Figure]:
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
     axes.set_aspect("equal")
     axes.autoscale_view()
-    axes.set_xlabel("x, to the patient's right [m]")
-    axes.set_ylabel("y, away from the patient [m]")
+    axes.set(xlabel="x, to the patient's right [m]", ylabel="y, away from the patient [m]")
     axes.set_title("Appendix D, fig. 3: inertia ellipses in the plane", loc="left")
     return {"D-3": figure}
 

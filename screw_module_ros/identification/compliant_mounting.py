@@ -21,6 +21,7 @@ from scipy.optimize import brentq
 from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting, validated
 from . import screw_geometry
+from .figures import axes_for
 from .lab import Lab
 from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import DESCRIPTIONS, GROOVED, LEAD, NAMES, Bar, candidates
@@ -357,8 +358,7 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
 
     Frequencies with one line per candidate for the screw; the inertias can hardly be distinguished.
     """
-    figure = Figure(figsize=(7.2, 4.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = axes_for("nut above the centre of the screw [m]", label, title)
     taken = str(result.data["screw"])
     for number, screw in enumerate(result.data["screws"]):
         main = screw == taken
@@ -377,9 +377,6 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
         axes.axhline(wanted, label=f"wanted: {wanted:g} Hz", **_LIMIT)
     else:
         axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("nut above the centre of the screw [m]")
-    axes.set_ylabel(label)
-    axes.set_title(title, loc="left")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 

@@ -51,8 +51,7 @@ def axes_for(x: str, y: str, title: str = "") -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes, their labels and title."""
     figure = Figure(figsize=(7.2, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
     axes.set_title(title, loc="left")
     return figure, axes
 

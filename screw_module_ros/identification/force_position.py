@@ -18,7 +18,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
-from .figures import Trace
+from .figures import Trace, axes_for
 from .figures import force_position as loops
 from .force_metric import Spring, offsets
 from .lab import Lab, Part, by_name
@@ -217,8 +217,8 @@ def draw(result: Result) -> dict[str, Figure]:
 
 def _reversal(result: Result) -> Figure:
     """Draw a close-up of the upper reversal, where feed-forward has no benefit (fig 6-9)."""
-    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = axes_for("handle height z [m]", "force of the patient on the robot [N]",
+                            "Fig. 6-9: closeup of the upper reversal")  # fmt: skip
     for number, name in enumerate(("pd_100", "friction_model")):
         trace = _trace(result, name)
         axes.plot(trace.position, trace.force, color=COLOURS[number], label=trace.name)
@@ -229,9 +229,6 @@ def _reversal(result: Result) -> Figure:
         linewidth=3.0, label="desired",
     )  # fmt: skip
     axes.set_xlim(*ends)
-    axes.set_xlabel("handle height z [m]")
-    axes.set_ylabel("force of the patient on the robot [N]")
-    axes.set_title("Fig. 6-9: closeup of the upper reversal", loc="left")
     axes.legend(loc="lower left")
     return figure
 

@@ -120,7 +120,7 @@ def linear_law(law: Law, period: float) -> Linear:
     pressed = min(_PRESSED, 0.1 * settings.stiffness)  # the set point stays within the travel
     target = _AT + pressed / settings.stiffness if settings.stiffness else _AT
     given = (
-        packed(settings), packed(thesis_friction()), law.mode, target, period,
+        packed(settings), _friction(), law.mode, target, period,
         lowpass_coefficients(law.velocity_cutoff, period),
     )  # fmt: skip
     run, y = compiled(law_ticks), np.array((_AT, -pressed))
@@ -148,6 +148,12 @@ def linear_law(law: Law, period: float) -> Linear:
     a, b, c, d = jacobian[:n, :n], jacobian[:n, n:], jacobian[n, :n], jacobian[n, n:]
     used = _closure(c != 0.0, a.T) & _closure((b != 0.0).any(axis=1), a)
     return a[np.ix_(used, used)], b[used], c[used], d
+
+
+@functools.cache
+def _friction() -> np.ndarray:
+    """Return the friction model, of which nothing is fed forward, as the compiled law wants it."""
+    return packed(thesis_friction())
 
 
 def law_ticks(

@@ -35,7 +35,7 @@ _ORDER = 4
 _GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]
 _REACH = (SMALLEST_JOINT, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
 _EVERY = 5  # samples to one dot
-_FIRST, _SECOND, _THIRD = COLOURS[:3]
+_FIRST, _, _THIRD = COLOURS[:3]
 
 
 class Settings(NamedTuple):
