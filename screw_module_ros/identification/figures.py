@@ -139,7 +139,7 @@ def path_views(
         above.set_title(path.name, loc="left")
         front.set_xlabel("x, to the patient's right [m]")
         for axes in (above, front):
-            axes.set_aspect("equal", adjustable="datalim")
+            axes.set_aspect("equal", adjustable="box")
     views[0, 0].set_ylabel("from above: y, away\nfrom the patient [m]")
     views[1, 0].set_ylabel("from the front: z, up [m]")
     if title:
