@@ -37,10 +37,14 @@ class CertificateSettings(NamedTuple):
     """Parameters of a node that keeps to a module's certificate."""
 
     certificate_file: Annotated[
-        str, Setting("certificate of the module, empty for none: no gain is refused then")
+        str, Setting("certificate of the module, empty for none")
     ] = ""
+    certificate_required: Annotated[
+        bool, Setting("refuse modes with force feedback or observer without a certificate")
+    ] = False
     uncertified_gains: Annotated[
-        bool, Setting("also take force gains beyond the certificate's, and its conditions")
+        bool, Setting("also take force gains beyond the certificate's, and its conditions; or "
+                      "none, where one is required")
     ] = False
 
 

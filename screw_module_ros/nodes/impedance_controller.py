@@ -22,7 +22,7 @@ from screw_module_ros.calibration.selection import (
     chosen_friction,
 )
 from screw_module_ros.control.guard import guarded
-from screw_module_ros.control.modes import MODE_NAMES, OFF
+from screw_module_ros.control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -52,6 +52,10 @@ from .support.topics import Newest, SlotInbox, offered, requested
 from .support.wire import pack_command
 
 _SAFETY_AGE_NS = 200_000_000
+_UNCERTIFIED = (
+    "this mode feeds the handle's force back, and the module has no certificate: "
+    "run stability and delivered_impedance, or set uncertified_gains on your own word"
+)
 _ONE_SENDER = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
@@ -195,8 +199,12 @@ class ImpedanceControllerNode(Node):
 
     def _problem(self, law: VerticalSettings, mode: int) -> str:
         certified = self.parameters.read(CertificateSettings)
-        if self._certificate is None or certified.uncertified_gains:
+        if certified.uncertified_gains:
             return law.refusal(mode)
+        if self._certificate is None:
+            lively = uses_feedback(mode) or uses_observer(mode)
+            lacking = certified.certificate_required and lively
+            return _UNCERTIFIED if lacking else law.refusal(mode)
         rate = self.parameters.read(RateSettings).rate
         return self._certificate.refusal(law, mode, rate) or law.refusal(mode)
 

@@ -107,6 +107,23 @@ def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
     node.close()
 
 
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+def test_where_a_certificate_is_required_feedback_needs_one_or_the_operators_word(controller, mode):
+    node = controller(certificate_file='""', certificate_required=True)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "has no certificate" in changed(node, mode=mode)
+    assert not changed(node, mode=modes.FRICTION_COMPENSATION)
+    node.close()
+
+
+def test_the_operators_word_in_place_of_a_certificate(controller):
+    node = controller(certificate_file='""', certificate_required=True, uncertified_gains=True,
+                      damping=20.0)  # fmt: skip
+    node.trigger_configure()
+    assert not changed(node, mode=modes.OBSERVER)
+    node.close()
+
+
 def test_uncertified_gains_lifts_the_limit(controller):
     node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, uncertified_gains=True)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
