@@ -383,7 +383,8 @@ def _offset_table(results: Results) -> Table:
     table = Table(
         title=f"Offset from a spring of {SPRING.stiffness:g} N/m about {SPRING.centre:g} m",
         caption="mean of |force of the patient - spring| while the handle moves faster than "
-        f"{MOTION_THRESHOLD * 1e3:g} mm/s",
+        f"{MOTION_THRESHOLD * 1e3:g} mm/s\nThe friction model is the simulated screw's own "
+        "polynomial; make reproduce compensates screws that it does not know.",
     )
     for name in ("mode", "up", "down", "both ways", "thesis", "wanted", ""):
         table.add_column(name, justify="right" if name in ("up", "down", "both ways") else None)
