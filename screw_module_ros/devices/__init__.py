@@ -6,7 +6,9 @@ emcy                names of emergencies
 polled              one request and one answer per tick
 motion              wrapping counts to position and velocity of nut and joints, homed on the host
 encoder             CiA 406 encoder of the screw; encoder_setup
-drive               CiA 402 drives: drive_setup configures and guards, drive_logic decides, cia402
-                    is the state machine, drive_reports decodes, drive_group starts and leaves
+drive               CiA 402 drives: drive_setup configures, drive_guards is what stops them by
+                    themselves, drive_logic decides, cia402 is the state machine, drive_reports
+                    decodes, drive_group starts and leaves
 force_sensor        ATI NETCANOEM six-axis transducer; ati is its protocol, tare its zero
+ati_net             ATI Net F/T box: the same sensor by plain CAN
 """

@@ -18,6 +18,7 @@ from . import cia402
 from . import drive_setup as setup
 from .canopen import NMT_START, NMT_STOP, Heartbeat
 from .cia402 import State
+from .drive_guards import MissingGuard
 from .drive_logic import ExcessTorque
 from .drive_reports import DriveReports
 from .drive_settings import DriveSettings, adapted, cross_checked, waived_guards
@@ -55,7 +56,7 @@ class Drive(DriveReports):
         settings = adapted(cross_checked(validated(settings)), make.drive)
         super().__init__(port, settings, label, per_turn, make)
         self.warnings: list[str] = []
-        self.unguarded: tuple[setup.MissingGuard, ...] = ()
+        self.unguarded: tuple[MissingGuard, ...] = ()
         self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
         self.altered = False
         self._excess = ExcessTorque(
@@ -266,7 +267,7 @@ class Drive(DriveReports):
             f"{'; no '.join(map(str, lacking))}; {self._way_out(lacking)}"
         )
 
-    def _way_out(self, lacking: list[setup.MissingGuard]) -> str:
+    def _way_out(self, lacking: list[MissingGuard]) -> str:
         names = [each.guard for each in lacking if each.guard != MASTER_HEARTBEAT]
         ways = ["choose the `profile` of its make"]
         if names:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 
 from ..can_io.port import Port
 from ..clock import TimeStandsStill
-from . import cia402, drive_setup
+from . import cia402, drive_guards
 from .canopen import NMT_PRE_OPERATIONAL
 from .cia402 import State
 from .drive import Drive
@@ -99,7 +99,7 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
                     )
                     continue
                 off.append(drive)
-                drive_setup.disarm(drive.sdo)
+                drive_guards.disarm(drive.sdo)
             except (DeviceError, TimeStandsStill) as error:
                 why = f"{drive.fault}; {error}" if drive.fault else f"{error}"
                 problems.append(f"guards of {drive.label} not disarmed: {why}")

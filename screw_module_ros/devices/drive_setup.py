@@ -1,43 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configures a CiA 402 drive for torque and sets the guards with which it stops on its own.
+"""Configures a CiA 402 drive for torque: rating, mode, process data, guards.
 
-The drive is the last guard. It must drop the torque when our heartbeat (1016) or our commands
-(1400:05) stop, with the configured reaction (6007, 605A, 605E). It must never give more torque than
-our largest command (6072), even if another master writes a target. The driver reads each of these
-objects back. What a make of drive lacks, and what may stand in for it, its profile says
-(`profiles.py`). A guard that is neither in force nor replaced keeps the drive disabled.
+What a make of drive does otherwise, its profile says (`profiles.py`); the guards are those of
+`drive_guards`.
 """
 
 from __future__ import annotations
 
 import contextlib
-import math
 import struct
 from functools import cache
 from typing import NamedTuple
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
-from ..profiles import (
-    COMMAND_DEADLINE,
-    DEADLINE_PERIODS,
-    DRIVE_HEARTBEAT,
-    FAULT_REACTION,
-    GUARDS,
-    LIMIT,
-    LOST_CONNECTION,
-    MASTER_HEARTBEAT,
-    PERIOD_US,
-    QUICK_STOP_REACTION,
-    TORQUE_LIMIT,
-    DriveProfile,
-    Substitute,
-    SubstituteObject,
-    key_of,
-)
-from ..units import LARGEST_PER_MILLE, PER_MILLE
+from ..profiles import COMMAND_DEADLINE, DriveProfile, key_of
+from ..units import PER_MILLE
 from . import pdo
-from .drive_settings import COAST, DriveSettings
+from .drive_guards import MissingGuard, Object, milliseconds, replaced, stop_objects, written
+from .drive_settings import DriveSettings
 from .errors import NotConfigured, Refused, WrongDevice
 from .sdo import Sdo
 
@@ -52,10 +33,7 @@ _MODE_WITHIN_S = 0.25
 _MILLI, _MICRO = 1e-3, 1e-6
 #: Largest relative difference between object 6076 and the parameter for the same motor.
 _RATING_TOLERANCE = 0.01
-_ROUNDING = 1e-6
 
-_FAULT_ON_LOST_CONNECTION = 1
-_DISABLE_AND_COAST, _RAMP_DOWN, _QUICK_STOP_RAMP = 0, 1, 2
 _STEEPEST_SLOPE = 0x7FFFFFFF
 _SLOW_STATUS_MS = 100
 _MOST_SYNCS = 240
@@ -69,31 +47,6 @@ STATUS_LAYOUT = struct.Struct("<HIh")
 ERROR_CODE, MODE_DISPLAY, DIGITAL_INPUTS = 0x603F, 0x6061, 0x60FD
 #: Of TPDO2, as far as a make can map them: object -> code of `struct`, size [bit].
 SLOW_STATUS = {ERROR_CODE: ("H", 16), MODE_DISPLAY: ("b", 8), DIGITAL_INPUTS: ("I", 32)}
-
-
-class Object(NamedTuple):
-    """One object that is written and read back; size: [byte].
-
-    guard: the drive is not enabled without it; empty: a refusal is a warning, and a drive need not
-    have the object. name: for messages.
-    """
-
-    index: int
-    subindex: int
-    value: int
-    size: int
-    guard: str
-    name: str = ""
-
-
-class MissingGuard(NamedTuple):
-    """A guard that the drive refused. guard: of `profiles.GUARDS`; why: its answer."""
-
-    guard: str
-    why: str
-
-    def __str__(self) -> str:
-        return f"{GUARDS[self.guard]} ({self.why})"
 
 
 class DriveSetup(NamedTuple):
@@ -118,7 +71,7 @@ class DriveSetup(NamedTuple):
 
 def command_pdo(settings: DriveSettings) -> pdo.Pdo:
     """Return RPDO1, effective at once, with the deadline that stops the drive."""
-    deadline = _milliseconds(settings.command_timeout)
+    deadline = milliseconds(settings.command_timeout)
     return pdo.Pdo(1, False, 0x200 + settings.node_id, pdo.ON_EVENT, COMMAND, deadline)
 
 
@@ -148,30 +101,8 @@ def slow_status_layout(slow: tuple[int, ...]) -> struct.Struct:
     return struct.Struct("<" + "".join(SLOW_STATUS[index][0] for index in slow))
 
 
-def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
-    """Return the objects that decide how the drive stops, in order; rated: its torque [Nm]."""
-    coast = settings.stop_reaction == COAST
-    stop = _DISABLE_AND_COAST if coast else _QUICK_STOP_RAMP
-    disable = _DISABLE_AND_COAST if coast else _RAMP_DOWN
-    period = _milliseconds(settings.drive_heartbeat)
-    consumer = settings.master_id << 16 | _milliseconds(settings.heartbeat_timeout)
-    limit = own_limit(settings.max_torque, rated)
-    return (
-        Object(0x1017, 0, period, 2, DRIVE_HEARTBEAT),
-        Object(0x1016, 1, consumer, 4, MASTER_HEARTBEAT),
-        Object(0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, LOST_CONNECTION),
-        Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION),
-        Object(0x605E, 0, stop, 2, FAULT_REACTION),
-        Object(0x6072, 0, limit, 2, TORQUE_LIMIT),
-        Object(0x605B, 0, disable, 2, "", "shutdown reaction"),
-        Object(0x605C, 0, disable, 2, "", "disable reaction"),
-    )
-
-
 #: Profile torque ramps towards its target; with the steepest ramp it acts like cyclic torque.
 _SLOPE = Object(0x6087, 0, _STEEPEST_SLOPE, 4, "", "torque slope")
-#: What a clean exit switches off, in order: the command deadline, then our heartbeat.
-_DISARMED = ((0x1400, 5, 2), (0x1016, 1, 4))
 
 
 def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[Traffic]:
@@ -187,20 +118,6 @@ def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[T
     ]
     sync = Traffic("SYNC", 0, rate * settings.sync_divider)
     return [sync, *frames] if sync_producer else frames
-
-
-def own_limit(max_torque: float, rated_torque: float) -> int:
-    """Return object 6072 for max_torque and rated_torque [Nm]: whole per mille, rounded up.
-
-    The object limits both directions, so it needs no `direction`.
-    """
-    per_mille = math.ceil(max_torque / rated_torque * PER_MILLE - _ROUNDING)
-    return max(0, min(LARGEST_PER_MILLE, per_mille))
-
-
-def _milliseconds(seconds: float) -> int:
-    """Return a time [s] in the object dictionary's unit [ms], at least 1."""
-    return max(1, round(seconds * 1e3))
 
 
 # -- the dialogue --------------------------------------------------------------------------------
@@ -219,7 +136,7 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
     mode = _select_mode(port, sdo, profile.modes)
     warnings = []
     if mode == PROFILE_TORQUE_MODE:
-        _, warnings = _written(sdo, (_SLOPE,))
+        _, warnings = written(sdo, (_SLOPE,))
     else:
         _clear_offset(sdo)
     command, status = command_pdo(settings), status_pdo(settings)
@@ -229,14 +146,12 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
     pdo.configure(sdo, status)
     slow = _configure_slow_status(sdo, settings, slow, profile.slow_status_timer)
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
-    missing, refused = _written(sdo, stop_objects(settings, rated))
+    missing, refused = written(sdo, stop_objects(settings, rated))
     if no_deadline:
         missing.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
     share = min(settings.max_torque / rated, profile.largest_target / PER_MILLE)
-    unguarded, replaced = _replaced(sdo, settings, profile, missing, share)
-    return DriveSetup(
-        mode, rated, unguarded, (*warnings, *refused, *replaced), slow, open_ids
-    )
+    unguarded, told = replaced(sdo, settings, profile, missing, share)
+    return DriveSetup(mode, rated, unguarded, (*warnings, *refused, *told), slow, open_ids)
 
 
 def _configure_slow_status(
@@ -251,64 +166,6 @@ def _configure_slow_status(
         slow = slow[:-1]
         pdo.configure(sdo, slow_status_pdo(settings, slow, timer))
     return slow
-
-
-def _replaced(
-    sdo: Sdo, settings: DriveSettings, profile: DriveProfile, missing: list[MissingGuard],
-    share: float,
-) -> tuple[tuple[MissingGuard, ...], list[str]]:  # fmt: skip
-    """Put the profile's substitutes in place of the missing guards.
-
-    share: largest torque over the rated one. Returns the guards that nothing replaces, and a
-    warning for each that is replaced.
-    """
-    substitutes = {each.guard: each for each in profile.substitutes}
-    lacking = {each.guard for each in missing}
-    left, replaced = [], []
-    for each in missing:
-        substitute = substitutes.get(each.guard)
-        if substitute is None or lacking & set(substitute.relies_on):
-            left.append(each)
-        elif why := _substituted(sdo, settings, substitute, share):
-            left.append(MissingGuard(each.guard, f"{each.why}; {substitute.text}: {why}"))
-        else:
-            replaced.append(f"{GUARDS[each.guard]} is missing, in its place: {substitute.text}")
-    return tuple(left), replaced
-
-
-def _substituted(
-    sdo: Sdo, settings: DriveSettings, substitute: Substitute, share: float
-) -> str:
-    """Write a substitute's objects and read them back; return why not, empty if done."""
-    try:
-        for each in substitute.objects:
-            index, subindex = key_of(each.object)
-            sdo.set(index, subindex, _quantity(sdo, settings, each, share), each.size)
-    except (Refused, NotConfigured) as error:
-        return str(error)
-    return ""
-
-
-def _quantity(
-    sdo: Sdo, settings: DriveSettings, wanted: SubstituteObject, share: float
-) -> int:
-    if wanted.quantity == PERIOD_US:
-        return round(1e6 / settings.rate)
-    if wanted.quantity == DEADLINE_PERIODS:
-        return max(1, round(settings.command_timeout * settings.rate))
-    if wanted.quantity == LIMIT:
-        return math.ceil(share * sdo.unsigned(*key_of(wanted.base)) - _ROUNDING)
-    return wanted.value
-
-
-def disarm(sdo: Sdo) -> None:
-    """Switch the guards off for a clean exit; raises NotAnswering, Refused, NotConfigured."""
-    for index, subindex, size in _DISARMED:
-        try:
-            sdo.set(index, subindex, 0, size)
-        except Refused as error:
-            if not error.absent:
-                raise
 
 
 def rated_torque(
@@ -328,20 +185,6 @@ def rated_torque(
         f"{expected:g} Nm: correct whichever is wrong, or every torque will be. Some programs "
         "leave the rated current [mA] there"
     )
-
-
-def _written(sdo: Sdo, objects: tuple[Object, ...]) -> tuple[list[MissingGuard], list[str]]:
-    """Write the objects and read them back; return the guards refused and the warnings."""
-    missing, warnings = [], []
-    for each in objects:
-        try:
-            sdo.set(each.index, each.subindex, each.value, each.size)
-        except (Refused, NotConfigured) as error:
-            if each.guard:
-                missing.append(MissingGuard(each.guard, str(error)))
-            elif not (isinstance(error, Refused) and error.absent):
-                warnings.append(f"{each.name} not set: {error}")
-    return missing, warnings
 
 
 def _select_mode(port: Port, sdo: Sdo, modes: tuple[int, ...]) -> int:
