@@ -244,6 +244,11 @@ class Client:
             if namespace == mine:  # /diagnostics is common to all robots of a domain
                 self._statuses[name] = status
 
+    def forget(self, nodes: Iterable[str]) -> None:
+        """Forget what nodes said that have ended: their successors have said nothing yet."""
+        for node in nodes:
+            self._statuses.pop(node, None)
+
     def said(self, node: str) -> str:
         """Return the node's last message on /diagnostics."""
         status = self._statuses.get(node)

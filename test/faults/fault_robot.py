@@ -183,6 +183,7 @@ class FaultRobot(Robot):
         """Start a node again, after waiting for its end."""
         self.clock.idle()
         self._await_end(node)
+        self.forget(nodes_of(node))
         self.graph.restart(node)
         self._restarted.add(node)
 
