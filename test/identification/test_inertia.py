@@ -72,7 +72,7 @@ def test_near_zero_acceleration_the_ratio_as_printed_is_worthless(tmp_path):
 def test_the_shift_finds_a_force_that_comes_late():
     bench = Thesis(Module(noise=0.0))
     bench.late = 16  # 8 ms, as in fig 5-33
-    samples = bench.record(inertia._jobs(SHORT)[2].trial, None)
+    samples = bench.record(list(inertia._trials(SHORT).values())[2], None)
     record = motion(samples.time, samples.position, samples.force)
     model = THESIS._replace(fastest_mm_s=2000.0)
     friction = friction_along(model, record.position, record.velocity)

@@ -15,7 +15,7 @@ FILE = "{folder}/mine.yaml"
 
 
 NEED_A_DOMAIN = (
-    "amplifier", "bench", "bringup", "characterize", "demo", "encoder", "endpoint_state", "faults",
+    "amplifier", "bench", "bringup", "characterize", "demo", "encoder", "endpoint_state",
     "force_sensor", "impedance_controller", "manus", "module", "session_recorder", "sim_rig",
     "soak", "supervisor", "therapy_session",
 )  # fmt: skip

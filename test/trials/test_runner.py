@@ -19,8 +19,8 @@ from screw_module_ros.trials.soak import soak
 
 
 @pytest.fixture
-def places():
-    """Collect places, to release them at the end."""
+def places(monkeypatch):
+    """Collect places, to release them at the end, before the environment is what it was."""
     taken = []
     yield taken
     for place in reversed(taken):
