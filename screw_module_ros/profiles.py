@@ -237,7 +237,7 @@ def load(name: str, kind: str = "") -> Profile:
     return found
 
 
-def chosen(devices: str) -> dict[str, str]:
+def by_kind(devices: str) -> dict[str, str]:
     """Return the profiles of a list like `epos4,sick_ahm36`: kind of device -> name.
 
     Raises SettingError for one that does not exist, or for two of a kind.

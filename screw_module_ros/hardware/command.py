@@ -17,15 +17,14 @@ import click
 from ..can_io.bus import BusSettings, open_port
 from ..can_io.port import BusError
 from ..clock import Clock, WallClock
-from ..devices.ati_net import NetForceSensor
+from ..devices import ati_net
 from ..devices.drive import Drive
 from ..devices.drive_settings import DriveSettings
 from ..devices.encoder import Encoder
 from ..devices.encoder_setup import EncoderSettings
-from ..devices.force_sensor import ForceSensor
 from ..devices.force_sensor_settings import ForceSensorSettings
 from ..geometry import Screw
-from ..profiles import DRIVE, ENCODER, FORCE_SENSOR, NET_PROTOCOL, chosen, load
+from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, by_kind, load
 from ..profiles import NODES as DRIVERS
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
@@ -36,7 +35,12 @@ from .finding import TO_DO, Finding, table
 
 NODES = ("encoder", "force_sensor", "amplifier", "manus")
 JOINTS = ("shoulder", "elbow")
-_JOINT = {"rated_torque": 10.0, "max_torque": 25.0, "counts_per_turn": 65536, "master_id": 113}
+_JOINT = {
+    "rate": 500.0, "rated_torque": 10.0, "max_torque": 25.0, "counts_per_turn": 65536,
+    "master_id": 113,
+}  # fmt: skip
+_SHARED = ("rate", "master_id", "profile", "waived", "allow_no_heartbeat")
+"""Parameters of `manus` that both drives share."""
 Values = dict[str, dict[str, Any]]
 
 
@@ -76,16 +80,17 @@ class Found:
         self._values, self._nodes, self._clock, self._stack = values, nodes, clock, stack
         self._add("encoder", lambda port, v: Encoder(
             port, settings(EncoderSettings, v), settings(Screw, v),
-            load(v.get("profile", "generic_406"), ENCODER)))
-        self._add("force_sensor", _force_sensor)
+            load(v.get("profile", GENERIC_406), ENCODER)))
+        self._add("force_sensor", lambda port, v: ati_net.driver(
+            port, settings(ForceSensorSettings, v)))
         self._add("amplifier", lambda port, v: Drive(
             port, settings(DriveSettings, v), "vertical drive",
-            per_turn=settings(Screw, v).lead, make=load(v.get("profile", "generic_402"), DRIVE)))
+            per_turn=settings(Screw, v).lead, make=load(v.get("profile", GENERIC_402), DRIVE)))
         for number, joint in enumerate(JOINTS):
             self._add("manus", lambda port, v, joint=joint, number=number: Drive(
                 port, settings(DriveSettings, v, f"{joint}.", node_id=3 + number,
-                               rate=v.get("rate", 500.0), **_JOINT),
-                f"{joint} drive", make=load(v.get("profile", "generic_402"), DRIVE)), joint)
+                               **{**_JOINT, **{name: v[name] for name in _SHARED if name in v}}),
+                f"{joint} drive", make=load(v.get("profile", GENERIC_402), DRIVE)), joint)
 
     def _add(self, node: str, make: Any, name: str = "") -> None:
         if node not in self._nodes:
@@ -114,12 +119,6 @@ class Found:
     def bus_of(self, device: Any) -> Bus:
         """Return the bus of a device."""
         return next(bus for bus in self.buses.values() if device in bus.devices)
-
-
-def _force_sensor(port: Any, values: dict[str, Any]) -> ForceSensor:
-    found = settings(ForceSensorSettings, values)
-    protocol = load(found.profile, FORCE_SENSOR).force_sensor.protocol
-    return (NetForceSensor if protocol == NET_PROTOCOL else ForceSensor)(port, found)
 
 
 def check(
@@ -174,7 +173,7 @@ def command(
     click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
     try:
         values = values_of(load_yaml(path))
-        for kind, name in chosen(makes).items():
+        for kind, name in by_kind(makes).items():
             for node in DRIVERS[kind]:
                 own = load(name).simulated.parameters if simulation else {}
                 values[node].update(own, profile=name)

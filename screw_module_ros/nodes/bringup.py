@@ -21,10 +21,9 @@ from typing import NamedTuple
 import click
 
 from screw_module_ros.domain import domain_id, end_without_domain
-from screw_module_ros.graph import BESIDE, Entry, table
-from screw_module_ros.graph import chosen as chosen_entries
+from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
-from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, chosen, load
+from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, by_kind, load
 from screw_module_ros.resources import resource_path
 
 from .support.arguments import arguments, unread_sections
@@ -93,7 +92,7 @@ def plan(
     if simulation:
         words += simulated_arguments(composed, wall_clock)
     return Plan(
-        chosen_entries(simulation, only, without, composed),
+        chosen(simulation, only, without, composed),
         [*words, *extra],
         above,
         unread_sections(path, [*known, *BESIDE], above),
@@ -107,7 +106,7 @@ def device_arguments(devices: str, simulation: bool) -> list[str]:
     does not exist, or for two of a kind.
     """
     words: list[str] = []
-    for kind, name in chosen(devices).items():
+    for kind, name in by_kind(devices).items():
         values = {f"{node}:profile": name for node in NODES[kind]}
         if simulation:
             values[f"sim_rig:devices.{_IN_RIG[kind]}"] = name

@@ -9,10 +9,9 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.devices.ati_net import NetForceSensor
-from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
+from screw_module_ros.devices import ati_net
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.loop.vertical import Wires
-from screw_module_ros.profiles import FORCE_SENSOR, NET_PROTOCOL, load
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
@@ -52,9 +51,7 @@ class ForceSensorNode(SensorNode):
         """Find the sensor and read its calibration."""
         settings = self.parameters.read(ForceSensorSettings)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
-        protocol = load(settings.profile, FORCE_SENSOR).force_sensor.protocol
-        sensor = (NetForceSensor if protocol == NET_PROTOCOL else ForceSensor)(port, settings)
-        self.add_device(sensor, graph.FORCE, graph.FORCE_DECIMATED)
+        self.add_device(ati_net.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))

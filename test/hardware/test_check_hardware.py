@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 import pytest
 
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.devices.encoder import Encoder
-from screw_module_ros.hardware import devices, machine
+from screw_module_ros.hardware import command, devices, machine
 from screw_module_ros.hardware.command import NODES, settings, values_of
 from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
@@ -220,6 +222,19 @@ def test_the_packaged_parameters_are_read(name):
     bus = settings(BusSettings, values["amplifier"], "can.")
     assert bus.channel == {"bench.yaml": "can0", "sim.yaml": "drive"}[name]
     assert values["manus"]["shoulder.node_id"] == 3
+
+
+def test_both_planar_drives_get_what_they_share(bench, monkeypatch):
+    """What `manus` shares between its drives counts here too, as the operator's waivers."""
+    monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
+    shared = {"master_id": 99, "waived": "torque_limit", "rate": 250.0, "shoulder.node_id": 7}
+    with ExitStack() as stack:
+        found = command.Found({"manus": shared}, ["manus"], bench.clock, stack)
+        stack.pop_all()
+    shoulder, elbow = (found.devices[joint].settings for joint in command.JOINTS)
+    assert (shoulder.node_id, elbow.node_id) == (7, 4)
+    for each in (shoulder, elbow):
+        assert (each.master_id, each.waived, each.rate) == (99, "torque_limit", 250.0)
 
 
 def test_table_reads_like_a_list_of_things_to_do():

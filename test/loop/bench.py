@@ -21,13 +21,13 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.devices.ati_net import NetForceSensor
+from screw_module_ros.devices import ati_net
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
@@ -41,7 +41,6 @@ from screw_module_ros.profiles import (
     FORCE_SENSOR,
     GENERIC_402,
     GENERIC_406,
-    NET_PROTOCOL,
     NETCANOEM,
     load,
 )
@@ -164,10 +163,9 @@ class Bench:
         self.home = self.world.settings.start.position
         counting = EncoderSettings(home_position=self.home, **encoder_make.simulated.parameters)
         self.encoder = Encoder(self.ports["encoder"], counting, make=encoder_make)
-        sensor = load(sensor_profile, FORCE_SENSOR)
-        kind = NetForceSensor if sensor.force_sensor.protocol == NET_PROTOCOL else ForceSensor
-        needed = ForceSensorSettings(**sensor.simulated.parameters)
-        self.force_sensor = kind(self.ports["force_sensor"], needed)
+        needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
+        chosen = ForceSensorSettings(profile=sensor_profile, **needed)
+        self.force_sensor = ati_net.driver(self.ports["force_sensor"], chosen)
         drive = drive or DriveSettings()
         self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
