@@ -238,7 +238,7 @@ def test_the_age_of_a_stream_at_its_edge(age_ns, wrong):
     [(10, 0.0, False), (11, 0.0, True), (1, 1.01, False), (1, 1.03, True)],
 )
 def test_more_samples_than_one_sender_makes(at_once, per_period, noticed):
-    """Ten at once may have waited for a stalled node; 2 % more than one a period is a second one."""
+    """Ten at once may have waited for a stalled node; 2 % more than one sends are a second one."""
     stream = Stream("encoder", PERIOD_NS, fault := Latch(), numbered=False)
     now_ns = 100 * PERIOD_NS
     for _ in range(at_once):

@@ -5,9 +5,8 @@ import math
 
 import pytest
 
-from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import inverse
-from screw_module_ros.loop.plane import clear_of_stops, hand_torques
+from screw_module_ros.loop.plane import hand_torques
 from screw_module_ros.safety.checks import FreezeSettings, Frozen
 
 SETTINGS = FreezeSettings()
@@ -72,11 +71,3 @@ def test_a_hand_s_force_does_its_work_at_the_joints():
     for torque, (ds, de) in zip(torques, ((turn, 0.0), (0.0, turn)), strict=True):
         moved_x, moved_y = forward(s + ds, e + de)
         assert 7.0 * (moved_x - x) - 3.0 * (moved_y - y) == pytest.approx(torque * turn, rel=1e-4)
-
-
-def test_nothing_is_judged_near_the_stops():
-    law = PlanarSettings()
-    s, e = inverse(0.0, 0.0)
-    assert clear_of_stops(law, s, e)
-    assert not clear_of_stops(law, law.shoulder_low - 0.01, e)
-    assert not clear_of_stops(law, s, s + law.between_low)

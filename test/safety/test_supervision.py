@@ -136,7 +136,8 @@ def test_the_controllers_fault_goes_with_the_reset():
 
 
 @pytest.mark.parametrize(
-    ("after_ns", "level"), [(-1, STOPPED), (0, WAITING), (499_999_999, WAITING), (500_000_000, STOPPED)]
+    ("after_ns", "level"),
+    [(-1, STOPPED), (0, WAITING), (499_999_999, WAITING), (500_000_000, STOPPED)],
 )
 def test_a_controller_that_does_not_follow_the_reset_is_stopped_again(after_ns, level):
     faulty = changed(HEALTHY, "impedance_controller", faulted=True)
