@@ -6,7 +6,8 @@
 Changes one comparison, sign, constant, condition or statement at a time, sampled with a fixed seed,
 in a copy of the checkout, and runs the tests that call the changed function, the quickest first,
 until one fails (`called.py` finds out once which test calls what). A change that no test notices
-survives; it is printed with its place. The checkout itself is never changed.
+survives; it is printed with its place. The checkout itself is never changed. With `--json` every
+change is kept with its killer, the first test that failed.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import argparse
 import ast
 import contextlib
 import copy
+import itertools
 import json
 import os
 import random
@@ -23,6 +25,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -157,6 +160,7 @@ class Judges:
             raise ValueError(f"{failed} fails without any change")
         found = json.loads(out.read_text(encoding="utf-8"))
         self._seconds = {test: each["seconds"] for test, each in found.items()}
+        self._caught: Counter[str] = Counter()
         self._called = {
             test: {(file, line) for file, line in each["called"]} for test, each in found.items()
         }
@@ -170,13 +174,17 @@ class Judges:
         names.write_text("\n".join(tests), encoding="utf-8")
         longest_s = _HANGS_S + 5.0 * sum(self._seconds[test] for test in tests)
         try:
-            return self._first_failure([f"@{names}"], longest_s) if tests else ""
+            killer = self._first_failure([f"@{names}"], longest_s) if tests else ""
         finally:
             file.write_bytes(source)
             os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # for the compiled code's cache
+        self._caught[killer] += 1
+        return killer
 
     def _of(self, one: Mutant, room: str) -> list[str]:
-        """Return the tests for a change, the quickest first, as many as the time allows.
+        """Return the tests for a change, as many as the time allows.
+
+        The quickest come first, sooner when they have caught other changes.
 
         Where none calls the function itself, as outside of all functions and in compiled code,
         these are the tests that call a function of the file, or else all of the room.
@@ -191,12 +199,15 @@ class Judges:
         exact = [test for test, called in own.items() if (file, line) in called]
         near = [test for test, called in own.items() if any(f == file for f, _ in called)]
         chosen, spent = [], 0.0
-        for test in sorted(exact or near or own, key=self._seconds.__getitem__):
+        for test in sorted(exact or near or own, key=self._cost):
             spent += self._seconds[test]
             if spent > ENOUGH_S:
                 break
             chosen.append(test)
         return chosen
+
+    def _cost(self, test: str) -> float:
+        return self._seconds[test] / (1 + self._caught[test])
 
     def _first_failure(self, arguments: list[str], longest_s: float) -> str:
         """Run pytest in a child that has its libraries already; return the first failed test.
@@ -266,7 +277,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rooms", nargs="+", choices=sorted(TESTS))
     parser.add_argument("--count", type=int, default=50, help="changes sampled in each room")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="one sample for each")
     parser.add_argument("--json", type=Path, help="write every change and its fate here")
     given = parser.parse_args()
     fates = []
@@ -283,20 +294,22 @@ def main() -> int:
             judges = Judges(tree, given.rooms)
         except ValueError as error:
             parser.error(f"{error}\n{(tree / 'pytest.log').read_text(encoding='utf-8')[-3000:]}")
-        for room in given.rooms:
-            chosen = sampled(room, given.count, given.seed)
+        for room, seed in itertools.product(given.rooms, given.seed):
+            chosen = sampled(room, given.count, seed)
             survived = 0
             for one in chosen:
                 killer = judges.killer(one, room)
                 survived += not killer
-                fates.append({"room": room, "killer": killer, **one._asdict()})
+                fates.append({"room": room, "seed": seed, "killer": killer, **one._asdict()})
                 if not killer:
                     print(f"survived: {one.path}:{one.line}: {one.what}", flush=True)
                 if given.json:
                     given.json.write_text(json.dumps(fates, indent=1), encoding="utf-8")
             caught = len(chosen) - survived
             share = 100 * caught / len(chosen)
-            print(f"{room}: {caught} of {len(chosen)} caught, {share:.0f} %", flush=True)
+            print(
+                f"{room}, seed {seed}: {caught} of {len(chosen)} caught, {share:.0f} %", flush=True
+            )
     return 0
 
 
