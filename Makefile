@@ -38,7 +38,7 @@ soak: build  ## ten minutes of work, recorded: does anything grow or get lost? A
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)
 
-test: build  ## the tests that take minutes in all; pass options with ARGS="-k friction"
+test: build  ## the tests without those marked long; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
