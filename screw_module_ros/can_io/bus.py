@@ -78,7 +78,9 @@ def open_bus(
 
 def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
     """Open the bus described by `settings` and return its `Port`; raises as `open_bus`."""
-    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock)
+    # SocketCAN marks what was sent on this computer, by any program; our own frames it keeps back.
+    echoes = settings.interface != "socketcan"
+    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock, echoes)
 
 
 def where(settings: BusSettings) -> str:

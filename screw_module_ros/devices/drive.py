@@ -8,6 +8,7 @@ latched. `drive_logic` decides what to send; this module sends it.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
@@ -146,7 +147,8 @@ class Drive(DriveReports):
             logic.latch(f"the torque command was {torque_nm}")
         state = self.state(now_ns)
         if state is State.UNKNOWN:
-            self._port.pump()  # answers may wait in our socket
+            with suppress(BusError):  # it cannot be read, and must be switched off all the same
+                self._port.pump()  # answers may wait in our socket
             state = self.state(now_ns)
             self._check_silence(now_ns)
         self._check_torque(state, now_ns)

@@ -89,13 +89,14 @@ class VerticalController:
         slot = self.guide.guidance(
             sample.position, 0.0, sample.velocity, 0.0, now_ns, elapsed_ns * 1e-9
         )
+        acts = not self.reason and self._enabled is True
         inp = VerticalInput(
             self.mode,
             sample.position,
             sample.velocity,
             self.handle_force,
-            *self.wanted.at(now_ns),
-            not self.reason and self._enabled is True,
+            *self.wanted.at(now_ns, acts),
+            acts,
             slot.force_x,
             slot.weight,
         )

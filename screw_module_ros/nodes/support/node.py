@@ -50,6 +50,9 @@ class Node(LifecycleNode):
     moves_time = False
     """Whether simulated time begins with this node."""
 
+    in_order = False
+    """Whether the process ends because it was asked to, and not by an error."""
+
     direct: Collection[str] = ()
     """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
 

@@ -141,6 +141,7 @@ def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
     finally:
         for node in nodes:
             node.service.end()
+            node.in_order = worked
         last_resort = LastResort(code=0 if worked else 1)
         for node in reversed(nodes):  # the drive goes off while its controller still runs
             last_resort.disarm()
