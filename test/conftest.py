@@ -8,6 +8,7 @@ several workers.
 from __future__ import annotations
 
 import gc
+import json
 import os
 import threading
 import time
@@ -88,6 +89,25 @@ def wait_until() -> Callable[..., None]:
             pause.wait(SECONDS_BETWEEN_POLLS)
 
     return wait
+
+
+@pytest.fixture
+def kept(request: pytest.FixtureRequest) -> Callable[[object], None]:
+    """Return `kept(found)`: fails unless it is what the JSON file beside the test holds for it.
+
+    With --write it becomes that, after a look at the difference; the commit says what changed.
+    """
+    file, name = request.path.with_suffix(".json"), request.node.name
+
+    def compare(found: object) -> None:
+        stored = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        if request.config.getoption("--write"):
+            text = json.dumps(stored | {name: found}, indent=1, sort_keys=True)
+            file.write_text(text + "\n", encoding="utf-8")
+        else:
+            assert found == stored[name]
+
+    return compare
 
 
 @pytest.fixture

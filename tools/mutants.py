@@ -6,30 +6,41 @@
 Changes one comparison, sign, constant, condition or statement at a time, sampled with a fixed seed,
 in a copy of the checkout, and runs the tests that call the changed function, the quickest first,
 until one fails (`called.py` finds out once which test calls what). A change that no test notices
-survives; it is printed with its place. The checkout itself is never changed.
+survives; it is printed with its place. The checkout itself is never changed. With `--json` every
+change is kept with its killer, the first test that failed.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import copy
+import itertools
 import json
 import os
 import random
+import select
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
+
+import can  # noqa: F401 (this and the next ones: a child has them already)
+import hypothesis  # noqa: F401
+import numba  # noqa: F401
+import numpy  # noqa: F401
+import pytest
 
 import isolation
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = "screw_module_ros"
-LONGEST_S = 900.0
+LONGEST_S = 3600.0
 TESTS = {
     "control": ["test/control", "test/properties", "test/loop"],
     "safety": ["test/safety", "test/properties", "test/loop"],
@@ -43,8 +54,9 @@ TESTS = {
     "rig": ["test/rig", "test/loop"],
 }
 """Tests that judge a room."""
-_SLOWEST_S = 60.0
-"""A test that takes longer alone judges no change."""
+ENOUGH_S = 60.0
+"""Tests of this duration in all judge a change; slower ones judge none."""
+_HANGS_S = 60.0
 
 _SWAPPED = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
@@ -136,51 +148,119 @@ def sampled(room: str, count: int, seed: int) -> list[Mutant]:
 
 
 class Judges:
-    """The tests of one room in a copy of the checkout, and what each of them calls."""
+    """The tests of some rooms in a copy of the checkout, and what each of them calls."""
 
-    def __init__(self, tree: Path, room: str, environment: dict[str, str]):
+    def __init__(self, tree: Path, rooms: list[str]):
         """Run all of them once; raises ValueError when one fails without any change."""
-        self._tree, self._environment = tree, environment
+        self._tree = tree
         out = tree / "called.json"
-        watched = {"CALLED_IN": str(tree / PACKAGE / room), "CALLED_OUT": str(out)}
-        self._environment = {**environment, "PYTHONPATH": f"{tree}:{tree / 'tools'}"}
-        if self._fails(["-p", "called", *TESTS[room]], watched):
-            raise ValueError(f"the tests of {room} fail without any change")
+        os.environ.update(CALLED_IN=str(tree / PACKAGE), CALLED_OUT=str(out))
+        folders = sorted({folder for room in rooms for folder in TESTS[room]})
+        if failed := self._first_failure(["-p", "called", *folders], LONGEST_S):
+            raise ValueError(f"{failed} fails without any change")
         found = json.loads(out.read_text(encoding="utf-8"))
         self._seconds = {test: each["seconds"] for test, each in found.items()}
+        self._caught: Counter[str] = Counter()
         self._called = {
             test: {(file, line) for file, line in each["called"]} for test, each in found.items()
         }
 
-    def notice(self, tests: list[str]) -> bool:
-        """Return whether one of these tests fails in the copy as it is now."""
+    def killer(self, one: Mutant, room: str) -> str:
+        """Return the first test that fails with a change, empty when none notices it."""
+        file, tests = self._tree / one.path, self._of(one, room)
+        source, stat = file.read_bytes(), file.stat()
+        file.write_bytes(source[: one.begin] + one.text.encode() + source[one.end :])
         names = self._tree / "tests.txt"
         names.write_text("\n".join(tests), encoding="utf-8")
-        return bool(tests) and self._fails([f"@{names}"], {})
+        longest_s = _HANGS_S + 5.0 * sum(self._seconds[test] for test in tests)
+        try:
+            killer = self._first_failure([f"@{names}"], longest_s) if tests else ""
+        finally:
+            file.write_bytes(source)
+            os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # for the compiled code's cache
+        self._caught[killer] += 1
+        return killer
 
-    def of(self, one: Mutant) -> list[str]:
-        """Return the tests for a change, the quickest first.
+    def _of(self, one: Mutant, room: str) -> list[str]:
+        """Return the tests for a change, as many as the time allows.
 
-        For a change outside of all functions these are all that call a function of the file.
+        The quickest come first, sooner when they have caught other changes.
+
+        Where none calls the function itself, as outside of all functions and in compiled code,
+        these are the tests that call a function of the file, or else all of the room.
         """
         file = str(self._tree / one.path)
         line = _function_at(Path(file), one.line)
-        exact = [test for test, called in self._called.items() if (file, line) in called]
-        near = [test for test, called in self._called.items() if any(f == file for f, _ in called)]
-        chosen = exact if line else near or list(self._called)
-        quick = [test for test in chosen if self._seconds[test] <= _SLOWEST_S]
-        return sorted(quick, key=self._seconds.__getitem__)
+        own = {
+            test: called
+            for test, called in self._called.items()
+            if test.startswith(tuple(f"{folder}/" for folder in TESTS[room]))
+        }
+        exact = [test for test, called in own.items() if (file, line) in called]
+        near = [test for test, called in own.items() if any(f == file for f, _ in called)]
+        chosen, spent = [], 0.0
+        for test in sorted(exact or near or own, key=self._cost):
+            spent += self._seconds[test]
+            if spent > ENOUGH_S:
+                break
+            chosen.append(test)
+        return chosen
 
-    def _fails(self, arguments: list[str], more: dict[str, str]) -> bool:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", *arguments]
-        try:
-            done = subprocess.run(
-                command, cwd=self._tree, env={**self._environment, **more}, capture_output=True,
-                timeout=LONGEST_S, check=False,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return True
-        return done.returncode != 0
+    def _cost(self, test: str) -> float:
+        return self._seconds[test] / (1 + self._caught[test])
+
+    def _first_failure(self, arguments: list[str], longest_s: float) -> str:
+        """Run pytest in a child that has its libraries already; return the first failed test.
+
+        Whatever it started is ended with it.
+        """
+        ours, theirs = os.pipe()
+        child = os.fork()
+        if child == 0:
+            _be_pytest(self._tree, arguments, theirs)
+        os.close(theirs)
+        with os.fdopen(ours) as pipe:
+            told = select.select([pipe], [], [], longest_s)[0]
+            failed = pipe.read() if told else "hangs"
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return failed
+
+
+def _be_pytest(tree: Path, arguments: list[str], told: int) -> NoReturn:
+    """Be pytest in the copy until the first failure, and write its name to a descriptor."""
+    failed = "pytest itself"
+    try:
+        os.setsid()
+        os.chdir(tree)
+        with open(tree / "pytest.log", "w") as log:
+            os.dup2(log.fileno(), 1)
+            os.dup2(log.fileno(), 2)
+        sys.path[:0] = [str(tree), str(tree / "tools")]
+        os.environ["PYTHONPATH"] = f"{tree}:{tree / 'tools'}"
+        first = FirstFailure()
+        code = pytest.main(["-x", "-q", "--no-header", *arguments], plugins=[first])
+        failed = first.name or ("" if code == 0 else f"pytest: {code!r}")
+    finally:
+        os.write(told, failed.encode())
+        os._exit(0)
+
+
+class FirstFailure:
+    """A pytest plugin: the name of the first test that failed."""
+
+    name = ""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note a failed test."""
+        if report.failed:
+            self.name = self.name or report.nodeid
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Note a file that cannot be imported."""
+        if report.failed:
+            self.name = self.name or report.nodeid
 
 
 def _function_at(file: Path, line: int) -> int:
@@ -197,7 +277,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("rooms", nargs="+", choices=sorted(TESTS))
     parser.add_argument("--count", type=int, default=50, help="changes sampled in each room")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="one sample for each")
     parser.add_argument("--json", type=Path, help="write every change and its fate here")
     given = parser.parse_args()
     fates = []
@@ -205,31 +285,31 @@ def main() -> int:
         tree = Path(folder, "tree")
         skipped = shutil.ignore_patterns(".git", ".venv", "build", "install", "log", "demo_output*")
         shutil.copytree(ROOT, tree, ignore=skipped)
-        environment = {**os.environ, **isolation.variables(domain), "PYTHONPATH": str(tree)}
-        environment["PYTHONDONTWRITEBYTECODE"] = environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        for room in given.rooms:
-            try:
-                judges = Judges(tree, room, environment)
-            except ValueError as error:
-                parser.error(str(error))
-            chosen = sampled(room, given.count, given.seed)
+        os.environ.update(isolation.variables(domain))
+        os.environ.update(
+            PYTHONDONTWRITEBYTECODE="1", PYTEST_DISABLE_PLUGIN_AUTOLOAD="1",
+            XDG_CACHE_HOME=str(Path(folder, "cache")),  # each change has compiled code of its own
+        )  # fmt: skip
+        try:
+            judges = Judges(tree, given.rooms)
+        except ValueError as error:
+            parser.error(f"{error}\n{(tree / 'pytest.log').read_text(encoding='utf-8')[-3000:]}")
+        for room, seed in itertools.product(given.rooms, given.seed):
+            chosen = sampled(room, given.count, seed)
             survived = 0
             for one in chosen:
-                file = tree / one.path
-                source, tests = file.read_bytes(), judges.of(one)
-                file.write_bytes(source[: one.begin] + one.text.encode() + source[one.end :])
-                try:
-                    caught = judges.notice(tests)
-                finally:
-                    file.write_bytes(source)
-                survived += not caught
-                fates.append({"room": room, "caught": caught, **one._asdict()})
-                if not caught:
+                killer = judges.killer(one, room)
+                survived += not killer
+                fates.append({"room": room, "seed": seed, "killer": killer, **one._asdict()})
+                if not killer:
                     print(f"survived: {one.path}:{one.line}: {one.what}", flush=True)
                 if given.json:
                     given.json.write_text(json.dumps(fates, indent=1), encoding="utf-8")
             caught = len(chosen) - survived
-            print(f"{room}: {caught} of {len(chosen)} caught, {100 * caught / len(chosen):.0f} %")
+            share = 100 * caught / len(chosen)
+            print(
+                f"{room}, seed {seed}: {caught} of {len(chosen)} caught, {share:.0f} %", flush=True
+            )
     return 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Both laws, bit for bit: a scripted input in, the stored digest of every output out.
+"""The laws, bit for bit: a scripted input in, the stored digest of every output out.
 
 A law is rewritten without a change of a single bit, or its digest here changes and the commit says
 why. The inputs are made by sums and products alone, which are the same everywhere. The laws also
@@ -18,8 +18,22 @@ import pytest
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import planar
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
+from screw_module_ros.control.linearization import IDENTITY, default_linearization
+from screw_module_ros.control.minimum_jerk import pace, way
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.setpoint import Range, SetPoint, follow
+from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, half_width_at, slot_step
+from screw_module_ros.control.slot import initial_state as initial_slot
+from screw_module_ros.control.torque_chain import (
+    COLD,
+    TorqueChain,
+    commanded,
+    followed,
+    largest_command,
+    on_the_wire,
+)
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse
@@ -163,6 +177,89 @@ def planar_run(joint_friction: float, carried_mass: float) -> str:
         output = planar.planar_step(law, state, inp, dt)
         shown += output
     return digest(shown)
+
+
+def slot_run() -> str:
+    """Return the digest of slots of all kinds: renewed, replaced, reopened, without a length."""
+    chance = random.Random("slot")
+    limits, state, shown = SlotLimits(), initial_slot(), []
+    slot, since = Slot(), -1.0
+    for tick in range(TICKS):
+        if sometimes(chance, 200):
+            slot = Slot(
+                *(chance.choice((-0.1, 0.0, 0.0005, 0.12)) for _ in range(4)),
+                duration=chance.choice((0.1, 0.5, 1.4)),
+                back_stiffness=chance.choice((0.0, 100.0, 790.0)),
+                side_stiffness=chance.choice((50.0, 2000.0)), damping=chance.choice((5.0, 90.0)),
+                growth=chance.choice((0.0, 20.0, 400.0)),
+            )  # fmt: skip
+        if sometimes(chance, 150):
+            since = chance.choice((-1.0, 0.0, slot.duration, 3.0))
+        since = since + 0.002 if since >= 0.0 else since
+        if sometimes(chance, 400):
+            limits = SlotLimits(force=chance.uniform(0.0, 65.0), stiffness=chance.uniform(0, 900))
+        dt = chance.choice((0.0, -0.002, 0.02, 0.05)) if sometimes(chance, 100) else 0.002
+        inp = SlotInput(
+            0.15 * wave(tick * 0.0007), 0.03 * wave(tick * 0.0031), 0.3 * wave(tick * 0.002),
+            0.2 * wave(tick * 0.003), not sometimes(chance, 30), slot, since,
+        )  # fmt: skip
+        if sometimes(chance, 300):
+            inp = inp._replace(**{chance.choice(SlotInput._fields[:4]): chance.choice(ODD)})
+        if sometimes(chance, 300):
+            name = chance.choice(Slot._fields)
+            inp = inp._replace(slot=slot._replace(**{name: chance.choice((*ODD, -0.5))}))
+        output, state = slot_step(limits, state, inp, dt)
+        shown += [*output, state.since, state.wall_weight, half_width_at(state.slot, state.since)]
+    return digest(shown)
+
+
+def chain_run() -> str:
+    """Return the digest of the torque chain: limits, heat, map, wire and largest command."""
+    chance, shown, heat, last = random.Random("chain"), [], COLD, 0.0
+    chain = TorqueChain(linearization=default_linearization())
+    for tick in range(TICKS):
+        if sometimes(chance, 500):
+            chain = TorqueChain(
+                CommandLimits(chance.uniform(0.0, 150.0), chance.uniform(0.0, 150.0)),
+                TorqueLimits(chance.uniform(0.05, 0.42), chance.uniform(0.05, 0.84), 0.7),
+                linearization=chance.choice((IDENTITY, default_linearization(0.04, 0.03))),
+            )
+        force = 140.0 * wave(tick * 0.0043) if not sometimes(chance, 50) else 0.0
+        dt = chance.choice((1e-6, 0.005, 0.1, 2.0)) if sometimes(chance, 50) else 0.001
+        last = followed(chain, last, force, dt)
+        made, heat = commanded(chain, heat, last, min(1.0, tick * 0.001), dt)
+        wire = on_the_wire(chain, made.command)
+        shown += [last, heat, *made, largest_command(chain), wire]
+    return digest(shown)
+
+
+def parts_run() -> str:
+    """Return the digest of the set point, of the soft stops and of the speed's limit."""
+    chance, shown, setpoint = random.Random("parts"), [], SetPoint(0.1)
+    allowed = Range(0.0, 0.36, 0.4, 5.0)
+    for tick in range(TICKS):
+        asked = chance.choice((0.2 + 0.2 * wave(tick * 0.001), 0.3, math.nan, -1.0))
+        promised = chance.choice((0.1, 0.1, 0.2, -0.4, 3.0, 0.0, math.nan))
+        for _ in range(chance.choice((1, 1, 20, 100))):
+            follow(allowed, setpoint, asked, promised, 0.001)
+        shown += [setpoint.position, setpoint.velocity, setpoint.owed]
+        force, place = 50.0 * wave(tick * 0.0117), 0.2 * (1.0 + wave(tick * 0.0013))
+        shown.append(soft_stop(force, place, 0.01, 0.36, 0.02, 2000.0))
+        shown.append(limit_speed(force, wave(tick * 0.0171), 0.6, 0.2, 50.0))
+        shown += [way(place * 4.0 - 0.3), pace(place * 4.0 - 0.3)]
+    return digest(shown)
+
+
+PARTS = {
+    slot_run: "bc2a79b1da27e586",
+    chain_run: "332d5bf342944c58",
+    parts_run: "ee51c28755d1ada5",
+}
+
+
+@pytest.mark.parametrize("run", PARTS, ids=lambda run: run.__name__)
+def test_parts_of_the_laws(run):
+    assert run() == PARTS[run]
 
 
 @pytest.mark.parametrize("mode", VERTICAL)

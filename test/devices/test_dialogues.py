@@ -2,9 +2,10 @@
 """Golden dialogues: every frame that a driver sends from configure to the clean exit, in order.
 
 `dialogues.txt` holds them as raw bytes: `[scene]`, then `= step` and one frame a line, identifier
-and data in hex. Recorded once against the scripted devices, which are written from the manuals. A
-driver that sends another byte, or in another order, fails here. Who changes a frame on purpose
-edits the file by hand.
+and data in hex; `# name = value` is what the driver shows differently after the step, and `-> ...`
+what it returned. Recorded once against the scripted devices, which are written from the manuals. A
+driver that sends another byte, in another order, or takes an answer otherwise, fails here. Who
+changes it on purpose renews it with --write and reads the difference.
 """
 
 from __future__ import annotations
@@ -33,23 +34,51 @@ NO_SUCH_OBJECT = 0x06020000
 READ_ONLY = 0x06010002
 
 
+# What a driver shows. Sentences are not kept, only whether there are any.
+SHOWN = (
+    "running", "intact", "altered", "homed", "silent", "configured", "mode", "step", "torque_of",
+    "shown", "error_code", "mode_display", "digital_inputs", "operating_status", "nmt", "enabling",
+    "identity", "tared", "rate", "counts_per_newton",
+)  # fmt: skip
+WORDED = ("fault", "emergency", "warnings", "unguarded")
+
+
 class Scene:
     """A driver at work; `step` begins a new part of the dialogue, `lines` is what was sent."""
 
-    def __init__(self, wire, end):
-        self.wire, self.end = wire, end
+    def __init__(self, wire, end, driver=None):
+        self.wire, self.end, self.driver = wire, end, driver
         self.lines = []
-        self._seen = 0
+        self._seen, self._shown = 0, {}
 
     def step(self, title, act, *arguments):
         """Do something and note the frames of it; returns what it returned."""
         self.lines.append(f"= {title}")
         try:
-            return act(*arguments)
+            found = act(*arguments)
+            if found not in (None, ""):
+                self.lines.append(f"-> {found}")
+            return found
         except DeviceError as error:
             self.lines.append(f"! {type(error).__name__}")
         finally:
             self.take()
+            self.look()
+
+    def look(self):
+        """Note what the driver shows now and did not before."""
+        if (driver := self.driver) is None:
+            return
+        shown = {name: getattr(driver, name) for name in SHOWN if hasattr(driver, name)}
+        shown |= {name: bool(getattr(driver, name)) for name in WORDED if hasattr(driver, name)}
+        shown |= {f"counters.{name}": count for name, count in driver.counters.items() if count}
+        if isinstance(driver, Drive):
+            shown["reading"] = driver.reading
+        self.lines += [
+            f"# {name} = {value}" for name, value in sorted(shown.items())
+            if self._shown.get(name) != value
+        ]  # fmt: skip
+        self._shown = shown
 
     def take(self):
         frames, self._seen = self.wire.frames[self._seen :], len(self.wire.frames)
@@ -57,8 +86,8 @@ class Scene:
 
 
 def driven(wire, settings=DRIVE):
-    end = wire.attach(ScriptedDrive(wire))
-    return Scene(wire, end), Drive(wire.port, settings, "vertical drive")
+    end, drive = wire.attach(ScriptedDrive(wire)), Drive(wire.port, settings, "vertical drive")
+    return Scene(wire, end, drive), drive
 
 
 def ticks(scene, drive, count=1, torque=0.0):
@@ -103,6 +132,7 @@ def drive_clean_exit(wire):
     """The commands go on beside the SDO transfers: how many of them is left to the machine."""
     scene, drive = driven(wire)
     enabled(scene, drive)
+    scene.driver = None
     scene.step("shutdown", drive_group.leave, [drive], wire.port)
     cyclic = ("080", "201", "770")
     others = [line for line in scene.lines if line[:3] not in cyclic]
@@ -138,6 +168,7 @@ def drive_that_refuses(wire):
     scene.step("configure", drive.configure)
     scene.step("start", drive.start)
     scene.step("arm", ticks, scene, drive, 2)
+    scene.driver = None
     scene.step("disarm", drive_group.leave, [drive], wire.port)
     scene.lines = [line for line in scene.lines if line[:3] not in ("080", "770", "201")]
     return scene
@@ -208,12 +239,13 @@ def drive_that_falls_back(wire):
         wire.port.pump()
         drive.write(0.1, now_ns)
     scene.take()
+    scene.look()
     return scene
 
 
 def two_drives_of_a_bus(wire):
     ends, (one, other) = two_drives(wire, DRIVE)
-    scene = Scene(wire, ends[0])
+    scene = Scene(wire, ends[0], one)
     scene.step("configure", one.configure)
     scene.step("configure the other", other.configure)
     scene.step("start", one.start)
@@ -222,6 +254,8 @@ def two_drives_of_a_bus(wire):
     for _ in range(30):
         tick_both(wire, (one, other))
     scene.take()
+    scene.look()
+    scene.driver = None
     scene.step("exit", drive_group.leave, (one, other), wire.port)
     at = scene.lines.index("= exit")
     shared = ("080", "771", "203", "204")
@@ -230,8 +264,8 @@ def two_drives_of_a_bus(wire):
 
 
 def encoder_life(wire):
-    scene = Scene(wire, wire.attach(ScriptedEncoder(wire)))
     encoder = Encoder(wire.port, ENCODER)
+    scene = Scene(wire, wire.attach(ScriptedEncoder(wire)), encoder)
     scene.step("configure", encoder.configure)
     scene.step("start", encoder.start)
     scene.step("three ticks", lambda: [tick(wire, encoder, k) for k in range(3)])
@@ -272,8 +306,8 @@ def encoder_of_other_kinds(wire):
 
 
 def encoder_that_alarms(wire):
-    scene = Scene(wire, wire.attach(ScriptedEncoder(wire)))
     encoder = Encoder(wire.port, ENCODER)
+    scene = Scene(wire, wire.attach(ScriptedEncoder(wire)), encoder)
     encoder.configure()
     encoder.start()
     scene.take()
@@ -289,8 +323,8 @@ def encoder_that_alarms(wire):
 
 
 def force_sensor_life(wire):
-    scene = Scene(wire, wire.attach(ScriptedSensor(wire)))
     sensor = ForceSensor(wire.port, SENSOR._replace(calibration=3, serial="FT012345"))
+    scene = Scene(wire, wire.attach(ScriptedSensor(wire)), sensor)
     scene.step("configure", sensor.configure)
     scene.step("start", sensor.start)
     scene.step("three ticks", lambda: [tick(wire, sensor, k) for k in range(3)])
@@ -351,8 +385,13 @@ def stored() -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.__name__)
-def test_the_driver_sends_what_is_stored(wire, scene):
-    assert scene(wire).lines == stored()[scene.__name__]
+def test_the_driver_sends_what_is_stored(wire, scene, request):
+    lines, dialogues = scene(wire).lines, stored()
+    if request.config.getoption("--write"):
+        dialogues[scene.__name__] = lines
+        text = "\n".join("\n".join([f"[{name}]", *dialogues[name], ""]) for name in dialogues)
+        STORED.write_text(text, encoding="utf-8")
+    assert lines == dialogues[scene.__name__]
 
 
 def test_each_stored_dialogue_has_its_scene():

@@ -123,7 +123,10 @@ class Served:
 
 
 class Row(NamedTuple):
-    """What one tick came to; force: commanded, patient: on the handle, both [N]."""
+    """What one tick came to; force: commanded, patient: on the handle, both [N].
+
+    plane: written torques [Nm]; plane_reason: why there are none.
+    """
 
     time: float
     position: float
@@ -132,6 +135,8 @@ class Row(NamedTuple):
     force: float
     torque: float
     reason: str
+    plane: tuple[float, float]
+    plane_reason: str
 
 
 class Bench:
@@ -325,6 +330,8 @@ class Bench:
             controller.output.force,
             axis.last.command,
             axis.permit.reason or controller.reason,
+            self.plane.written,
+            self.plane.permit.reason,
         )
 
     @property

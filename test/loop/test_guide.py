@@ -14,25 +14,13 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Slot, SlotLimits
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse
-from screw_module_ros.loop.inputs import RENEWED_NS, Guide
+from screw_module_ros.loop.inputs import Guide
 
 LIMITS = SlotLimits()
 MODEL = thesis_friction()
 LINE = Slot(target_y=0.14)
 MS = 1_000_000
 DT = 0.002
-
-
-def test_a_slot_that_is_not_renewed_fades_out():
-    guide = Guide(LIMITS)
-    guide.ask(LINE, 0, 1)
-    weights = [
-        guide.guidance(0.03, 0.0, 0.0, 0.0, 2 * MS * step, DT).weight for step in range(1, 400)
-    ]
-    last = RENEWED_NS // (2 * MS)
-    assert weights[last - 1] == pytest.approx(1.0)
-    assert weights[last + 10] == pytest.approx(1.0 - 11 * DT / LIMITS.fade_time, abs=0.02)
-    assert weights[-1] == 0.0
 
 
 def test_a_wall_goes_by_the_start_tick():

@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from screw_module_ros.loop.plane import Joint, JointSettings
-from screw_module_ros.safety.checks import FreezeSettings
-
 
 def test_a_jump_costs_the_home_position(bench):
     """clear_fault alone does not lead back to operation; home at the reference mark does."""
@@ -23,13 +20,3 @@ def test_a_jump_costs_the_home_position(bench):
     assert bench.enable_plane() == ""
     bench.ticks(600)
     assert max(map(abs, bench.plane.written)) > 0.1
-
-
-def test_after_a_long_gap_no_larger_jump_is_believed():
-    """A drive that restarted unheard counts from elsewhere: 3 s of silence used to allow 30 rad."""
-    joint = Joint(JointSettings(), FreezeSettings(), 2_000_000)
-    joint.take(0.0, 1)
-    joint.motion.homed = True
-    assert joint.take(0.09, 1500) == ""
-    assert joint.take(0.2, 1500) == "jumped by 0.110 rad"
-    assert not joint.motion.homed

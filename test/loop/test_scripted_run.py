@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scripted run of the whole robot, judged bit for bit by digests of its samples.
+"""Scripted runs of the whole robot, judged bit for bit by digests of their samples.
 
-Drivers, loops, laws and rig run as in the nodes. A rewrite that changes the last bit of one sample,
+Drivers, loops, laws and rig run as in the nodes: in one process, in three, and with faults of the
+devices. A rewrite that changes the last bit of one sample,
 the tick of one reaction or one reason shows here, with the first phase that differs. Who changes a
-law or a limit on purpose prints the new digests (`python test/loop/test_scripted_run.py`) and says
-in the commit what changed.
+law or a limit on purpose writes the new digests (`make test ARGS="test/loop/test_scripted_run.py
+--write"`) and says in the commit what changed.
 """
 
 from __future__ import annotations
@@ -12,29 +13,18 @@ from __future__ import annotations
 import hashlib
 import math
 import struct
+from collections import deque
+from functools import partial
 
 import pytest
-from bench import Bench
+from bench import PERIOD_NS, Bench
 
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
 
 pytestmark = pytest.mark.long
 
 _STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
-DIGESTS = {
-    "0 ready": "5012ec17e2394f4c",
-    "1 enabled": "99876de54d95e56a",
-    "2 mode 1": "2812bed009af74e2",
-    "3 mode 2": "5100644cfb53b875",
-    "4 mode 3": "88d892c0eca21ed7",
-    "5 mode 4": "9d724ad7200940bb",
-    "6 mode 5": "a2a1e1479b72d919",
-    "7 mode 0": "050728716c9e5328",
-    "8 mode 3": "3e1df72962e8a5ba",
-    "9 encoder frozen": "16ed21e449196b94",
-    "10 recovered": "428e18cd12564dce",
-    "11 not permitted": "8b465812e5a95c1a",
-}
 
 
 def scripted_run():
@@ -95,18 +85,161 @@ def _until(bench: Bench, ticks: int) -> None:
 
 
 def _digest(bench: Bench, begin: int) -> str:
-    digest = hashlib.sha256()
+    """Return the digest of all rows from `begin` on, and of what was counted and told by then."""
+    digest, plane = hashlib.sha256(), bench.plane
     for row in bench.rows[begin:]:
-        numbers = (0.0 if math.isnan(each) else each for each in row[:-1])
-        digest.update(struct.pack("<6d", *numbers) + row.reason.encode())
-    digest.update(struct.pack("<2d", *bench.plane.written))
+        numbers = (0.0 if math.isnan(each) else each for each in (*row[:6], *row.plane))
+        digest.update(struct.pack("<8d", *numbers) + f"{row.reason}|{row.plane_reason}".encode())
+    meters = [(m.samples, m.late, m.lost, m.histogram) for m in
+              (bench.controller.meter, bench.axis.meter, plane.meter)]  # fmt: skip
+    counted = [device.counters for device in bench.devices[:2]]
+    sensors = [(part.answers, part.skipped) for part in bench.parts[:2]]
+    shown = bench.axis.own, bench.axis.last, plane.output, plane.homed
+    digest.update(repr((meters, counted, sensors, shown)).encode())
     return digest.hexdigest()[:16]
 
 
-def test_every_phase_is_the_same_bit_for_bit():
-    assert dict(scripted_run()) == DIGESTS
+class Apart:
+    """Sensors, controller and drive as three processes, one after the other; all calls noted."""
+
+    def __init__(self, bench: Bench):
+        self.bench, self.lines = bench, []
+        self.samples, self.forces, self.commands = deque(), deque(), deque()
+        encoder, force_sensor, controller, drive = bench.parts
+        self.processes = [
+            (self._loop(), Parts(encoder, force_sensor)),
+            (self._loop(), Parts(controller=controller)),
+            (self._loop(), Parts(drive=drive)),
+        ]
+
+    def _loop(self) -> VerticalLoop:
+        wires = Wires(
+            take_sample=partial(self._taken, self.samples),
+            take_force=partial(self._taken, self.forces),
+            take_command=partial(self._taken, self.commands),
+            publish_sample=partial(self._sent, self.samples),
+            publish_force=partial(self._sent, self.forces),
+            publish_command=self._command,
+            read_inputs=self._inputs,
+            permission=self._permission,
+            publish_controller_state=partial(self._note, "controller"),
+            publish_drive_state=partial(self._note, "drive"),
+        )
+        return VerticalLoop(self.bench.clock, PERIOD_NS, wires)
+
+    def rounds(self, count: int) -> None:
+        for _ in range(count):
+            for loop, parts in self.processes:
+                loop.step(parts)
+            self.bench.rig.process(self.bench.now_ns)
+
+    def digest(self) -> str:
+        lines, self.lines = self.lines, []
+        return hashlib.sha256(repr(lines).encode()).hexdigest()[:16]
+
+    def _note(self, *what) -> None:
+        self.lines.append((self.bench.now_ns, *what))
+
+    def _taken(self, queue: deque, until_ns: int):
+        self._note("waits", until_ns)
+        return queue.popleft() if queue else None
+
+    def _sent(self, queue: deque, one) -> None:
+        self._note(one)
+        queue.append(one)
+
+    def _command(self, behind, output, mode) -> None:
+        self._note(behind.sequence, output, mode)
+        self.commands.append((behind.sequence, behind.monotonic_ns, output.force))
+
+    def _inputs(self, now_ns: int) -> None:
+        axis, controller = self.bench.axis, self.bench.controller
+        self._note("inputs", axis.last, axis.skipped, axis.meter.late, axis.meter.lost)
+        controller.on_drive(axis.permit.enabled, axis.position, now_ns)
+        controller.wanted.ask((0.22,), (0.05,), now_ns)
+
+    def _permission(self, permit, now_ns: int) -> None:
+        self._note("permission", permit.reason)
+        permit.supervise(True, "", now_ns)
 
 
-if __name__ == "__main__":
-    for phase, value in scripted_run():
-        print(f'    "{phase}": "{value}",')
+def apart_run():
+    """Yield the name and the digest of each phase with three processes."""
+    bench = Bench(seed=4)
+    try:
+        bench.ready()
+        bench.controller.mode = 2
+        apart, rig = Apart(bench), bench.rig
+        apart.rounds(20)
+        bench.axis.permit.requests.put(bench.axis.permit.apply_enable)
+        apart.rounds(150)
+        yield "work", apart.digest()
+        for device, fault, size in (
+            ("force_sensor", "delay", 0.4), ("encoder", "mute", 0.0), ("force_sensor", "mute", 0.0),
+            ("drive", "mute", 0.0),
+        ):  # fmt: skip
+            rig.inject(device, fault, size, 0.0, bench.now_ns)
+            apart.rounds(4)
+            yield f"{device} {fault}, 4 ticks", apart.digest()
+            apart.rounds(30)
+            rig.inject(device, "clear", 0.0, 0.0, bench.now_ns)
+            bench.controller.reset(bench.now_ns)
+            apart.rounds(10)
+            yield f"{device} {fault} and back", apart.digest()
+        bench.clock.time_ns += 3_400_000
+        apart.rounds(10)
+        yield "an overrun", apart.digest()
+    finally:
+        bench.close()
+
+
+FAULTS = [
+    ("force_sensor", "delay", 0.4), ("force_sensor", "mute", 0.0), ("force_sensor", "status", 4.0),
+    ("encoder", "delay", 0.7), ("encoder", "mute", 0.0), ("encoder", "drop", 0.3),
+    ("encoder", "jump", 0.0), ("encoder", "noise", 5.0), ("drive", "mute", 0.0),
+    ("drive", "reset", 0.0), ("drive", "fault", 0.0), ("drive", "emcy", 0.0),
+    ("shoulder", "fault", 0.0), ("elbow", "drop", 0.4), ("elbow", "cable_out", 0.0),
+    ("shoulder", "reset", 0.0), ("shoulder", "position_freeze", 0.0),
+]  # fmt: skip
+
+
+def fault_run(device: str, fault: str, size: float):
+    """Yield the name and the digest of a short fault in motion, of a long one, and of the mend."""
+    bench = Bench(seed=5)
+    try:
+        bench.ready()
+        _enabled(bench)
+        bench.controller.mode = 4
+        bench.world.set_arm(_STROKE)
+        bench.setpoint, bench.planar_setpoint = (0.22, 0.05), (0.06, -0.05, 0.02, 0.0)
+        begin = len(bench.rows)
+        bench.ticks(150)
+        for name, ticks in (("for 3 ticks", 3), ("for 150 ticks", 150)):
+            bench.rig.inject(device, fault, size, 0.0, bench.now_ns)
+            bench.ticks(ticks)
+            bench.rig.inject(device, "clear", 0.0, 0.0, bench.now_ns)
+            bench.ticks(40)
+            yield name, _digest(bench, begin)
+            begin = len(bench.rows)
+        bench.encoder.clear_fault()
+        answers = bench.clear_fault(), bench._asking(bench.plane.clear_fault)
+        bench.controller.reset(bench.now_ns)
+        _until(bench, begin + 400)
+        answers += bench.enable(), bench.enable_plane()
+        _until(bench, begin + 1000)
+        yield f"mended: {answers}", _digest(bench, begin)
+    finally:
+        bench.close()
+
+
+RUNS = {
+    "the robot": scripted_run,
+    "three processes": apart_run,
+    **{f"{device} {fault}": partial(fault_run, device, fault, size)
+       for device, fault, size in FAULTS},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_every_phase_is_the_same_bit_for_bit(name, kept):
+    kept(dict(RUNS[name]()))

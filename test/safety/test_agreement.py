@@ -3,6 +3,8 @@
 
 import math
 
+import pytest
+
 from screw_module_ros.safety.checks import Agreement, AgreementSettings
 
 STEP_NS = 10_000_000
@@ -22,25 +24,45 @@ def test_the_same_motion_agrees_whatever_the_offset():
     assert run([(0.1 + 0.002 * k, 7.0 + 0.002 * k, 0.2) for k in range(100)]) is None
 
 
-def test_ages_of_two_hundredths_of_a_second_apart_agree():
-    assert run([(0.005 * k, 0.005 * max(0, k - 2), 0.5) for k in range(60)]) is None
+@pytest.mark.parametrize(
+    ("velocity", "allowed"), [(0.0, 0.002), (0.5, 0.022), (-0.5, 0.022)]
+)  # the positions may be 40 ms apart
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_tolerance_skew_and_patience_at_their_edges(velocity, allowed, sign):
+    for difference, reason in (
+        (allowed - 1e-6, ""),
+        (allowed + 1e-6, f"encoder and drive disagree by {sign * allowed * 1e3:.1f} mm"),
+    ):
+        agreement = Agreement(AgreementSettings())
+        assert agreement.check(0.0, 0.0, velocity, 0) == ""
+        apart = sign * difference, 0.0, velocity
+        assert agreement.check(*apart, STEP_NS) == ""
+        assert agreement.check(*apart, STEP_NS + 49_999_999) == ""
+        assert agreement.check(*apart, STEP_NS + 50_000_000) == reason
+        assert agreement.check(0.0, 0.0, velocity, STEP_NS + 60_000_000) == ""
+        assert agreement.check(*apart, STEP_NS + 70_000_000) == "", "patience begins anew"
+
+
+@pytest.mark.parametrize(
+    ("encoder", "drive", "cause"),
+    [
+        (0.0019, 0.2, ""), (0.2, -0.0019, ""),
+        (0.0021, -0.2, "compare `direction`"), (-0.2, 0.0021, "compare `direction`"),
+        (0.2, 0.0021, " after 200.0 and 2.1 mm: compare `lead` and `counts_per_turn`"),
+        (-0.3, -0.2, " after -300.0 and -200.0 mm: compare `lead` and `counts_per_turn`"),
+    ],
+)  # fmt: skip
+def test_two_travels_that_differ_name_the_parameter(encoder, drive, cause):
+    step, reason = run([(0.1, 5.0, 0.0)] + [(0.1 + encoder, 5.0 + drive, 0.0)] * 10)
+    assert step == 6
+    assert reason.startswith(f"encoder and drive disagree by {(encoder - drive) * 1e3:.1f} mm")
+    assert cause in reason and ("compare" in reason) == bool(cause)
 
 
 def test_a_frozen_encoder_is_noticed():
     step, reason = run([(0.1, 0.1 + 0.0009 * k, 0.0) for k in range(50)])
     assert step == 8  # more than 2 mm after three steps, and 50 ms of patience
     assert reason.endswith("disagree by -7.2 mm"), "nothing moved that could be compared"
-
-
-def test_positions_on_different_leads_name_the_parameter():
-    """The amplifier was told the new screw, the encoder was not."""
-    _, reason = run([(0.1 + 0.0019 * k, 0.1 + 0.00127 * k, 0.0) for k in range(50)])
-    assert "mm after " in reason and "compare `lead`" in reason
-
-
-def test_positions_that_move_apart_name_the_direction():
-    _, reason = run([(0.1 + 0.001 * k, 0.1 - 0.001 * k, 0.0) for k in range(50)])
-    assert "compare `direction`" in reason
 
 
 def test_a_single_disagreement_is_tolerated():

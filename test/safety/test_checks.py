@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from screw_module_ros.safety.checks import VerticalChecks, WatchSettings
+from screw_module_ros.safety.checks import Stream, VerticalChecks, WatchSettings
+from screw_module_ros.safety.latch import Latch
 from screw_module_ros.samples import (
     FORCE_FAULT_MASK,
     FORCE_STATUS_BITS,
@@ -131,12 +132,6 @@ def test_a_few_lost_samples_are_none(bench, gap):
     assert bench.step() == ""
 
 
-@pytest.mark.parametrize("jump", [0.001, -0.001, 0.05, -0.1])
-def test_a_jump_is_a_fault(bench, jump):
-    bench.step(position=0.18 + jump)
-    assert "jumped by" in bench.watch.fault.reason
-
-
 def test_motion_under_the_motors_full_force_is_none(bench):
     """Peak force of 528 N on 5.5 kg for 5 ms, then the same force braking."""
     position, velocity = 0.18, 0.0
@@ -146,30 +141,117 @@ def test_motion_under_the_motors_full_force_is_none(bench):
         assert bench.step(position, velocity) == ""
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"velocity": 1.1}, "faster than"),
-        ({"velocity": -1.1}, "faster than"),
-        ({"velocity": math.nan}, "not a finite number"),
-        ({"position": math.nan}, "not a finite number"),
-        ({"position": math.inf}, "not a finite number"),
-        ({"position": 0.4}, "outside the travel"),
-        ({"position": -0.02}, "outside the travel"),
-        ({"fz": math.nan}, "not a finite number"),
-        ({"fz": 151.0}, "151 N on the handle"),
-        ({"fz": -1e9}, "N on the handle"),
-    ],
-)
-def test_what_cannot_be_is_a_fault(bench, change, named):
+def sample(changes, tick=100):
+    """The force sample, or else the encoder sample, of a tick with some changes."""
+    if set(changes) <= {"position", "velocity"}:
+        return encoder(tick)._replace(**changes)
+    return force(tick)._replace(**changes)
+
+
+def take(watch, one, now_ns):
+    (watch.encoder if isinstance(one, EncoderReading) else watch.force)(one, now_ns)
+
+
+EDGES = [
+    # allowed, beyond it, named
+    ({"velocity": 1.0}, {"velocity": 1.0001}, "encoder: 1 m/s, faster than 1 m/s"),
+    ({"velocity": -1.0}, {"velocity": -1.0001}, "encoder: -1 m/s, faster than 1 m/s"),
+    ({"position": 0.37}, {"position": 0.3701}, "encoder: 0.3701 m lies outside the travel"),
+    ({"position": -0.01}, {"position": -0.0101}, "encoder: -0.0101 m lies outside the travel"),
+    ({"fz": 150.0}, {"fz": 150.1}, "force sensor: 150.1 N on the handle, more than 150 N"),
+    ({"fz": -150.0}, {"fz": -150.1}, "force sensor: 150.1 N on the handle, more than 150 N"),
+    ({"fx": 90.0, "fy": 120.0}, {"fx": 90.0, "fy": -120.1}, "on the handle, more than 150 N"),
+    ({"fx": 90.0, "fz": 120.0}, {"fx": -90.1, "fz": 120.0}, "on the handle, more than 150 N"),
+    *(({}, {axis: math.nan}, "encoder: position or velocity is not a finite number")
+      for axis in ("position", "velocity")),
+    *(({}, {axis: -math.inf}, "force sensor: a force or torque is not a finite number")
+      for axis in ("fx", "fy", "fz", "tx", "ty", "tz")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("allowed", "beyond", "named"), EDGES)
+def test_every_bound_of_a_sample_holds_at_its_edge(allowed, beyond, named):
+    for changes, latches in ((allowed, False), (beyond, True)):
+        bench = Bench()
+        take(bench.watch, sample(changes), bench.now_ns)
+        assert (named in bench.watch.fault.reason) == latches
+        assert bool(bench.watch.fault.reason) == latches
+
+
+@pytest.mark.parametrize("change", [{"velocity": 1.1}, {"fz": math.nan}, {"fz": -1e9}])
+def test_what_cannot_be_latches(bench, change):
     bench.step(**change)
-    assert_latched(bench, named)
+    assert_latched(bench, "encoder" if "velocity" in change else "force sensor")
 
 
-def test_a_torque_that_is_no_number_is_a_fault(bench):
-    bench.tick += 1
-    bench.watch.force(force(bench.tick, tx=math.nan), bench.now_ns)
-    assert "not a finite number" in bench.watch.fault.reason
+# A change of speed of 300 m/s^2 for the longer of a period and the time between the samples, and a
+# count of 1 um at each end.
+@pytest.mark.parametrize(
+    ("elapsed_ns", "allowed"), [(1_000_000, 302e-6), (2_000_000, 1202e-6), (500_000, 152e-6)]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_jump_is_more_than_any_motor_can_make(elapsed_ns, allowed, sign):
+    for moved in (allowed - 1e-7, allowed + 1e-7):
+        bench = Bench()
+        stamps = [100_000_000, 101_000_000, 101_000_000 + elapsed_ns]
+        for stamp_ns, position in zip(stamps, (0.18, 0.18, 0.18 + sign * moved), strict=True):
+            one = encoder(stamp_ns // PERIOD_NS, position, stamp_ns=stamp_ns)
+            bench.watch.encoder(one, stamp_ns + LATER_NS)
+        wrong = f"jumped by {sign * moved * 1e3:.4g} mm" if moved > allowed else ""
+        assert wrong in bench.watch.fault.reason
+        assert bool(bench.watch.fault.reason) == bool(wrong)
+
+
+@pytest.mark.parametrize(("stamp_ns", "wrong"), [(105_000_000, ""), (105_000_001, "gap of 5.0 ms")])
+def test_a_gap_is_more_than_five_periods(stamp_ns, wrong):
+    bench = Bench()
+    bench.watch.encoder(encoder(100), 100_000_000)
+    bench.watch.encoder(encoder(105, stamp_ns=stamp_ns), stamp_ns)
+    assert wrong in bench.watch.fault.reason
+    assert bool(bench.watch.fault.reason) == bool(wrong)
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "wrong"),
+    [
+        (1, ""), (101_000_000, ""), (101_000_001, "stamped in the future, or with no time"),
+        (0, "stamped in the future, or with no time"), (-1, "with no time"),
+    ],
+)  # fmt: skip
+def test_a_stamp_may_lie_a_period_ahead_and_must_exist(stamp_ns, wrong):
+    stream = Stream("encoder", PERIOD_NS, fault := Latch(), numbered=False)
+    assert stream.accept(100, stamp_ns, 100_000_000) == stream.seen == (not wrong)
+    assert wrong in fault.reason and bool(fault.reason) == bool(wrong)
+    assert stream.monotonic_ns == (0 if wrong else stamp_ns)
+
+
+@pytest.mark.parametrize(("age_ns", "wrong"), [(7, ""), (8, "force sensor: no sample for 0.0 ms")])
+def test_the_age_of_a_stream_at_its_edge(age_ns, wrong):
+    stream = Stream("force sensor", PERIOD_NS, fault := Latch())
+    stream.accept(100, 100_000_000, 100_000_000)
+    stream.check_age(100_000_000 + age_ns, 7)
+    assert fault.reason == wrong
+
+
+@pytest.mark.parametrize(
+    ("at_once", "per_period", "noticed"),
+    [(10, 0.0, False), (11, 0.0, True), (1, 1.01, False), (1, 1.03, True)],
+)
+def test_more_samples_than_one_sender_makes(at_once, per_period, noticed):
+    """Ten at once may have waited for a stalled node; 2 % more than one sends are a second one."""
+    stream = Stream("encoder", PERIOD_NS, fault := Latch(), numbered=False)
+    now_ns = 100 * PERIOD_NS
+    for _ in range(at_once):
+        stream.accept(0, now_ns, now_ns)
+    for number in range(1, 2000 if per_period else 0):
+        now_ns = 100 * PERIOD_NS + round(number * PERIOD_NS / per_period)
+        stream.accept(0, now_ns, now_ns)
+    assert ("more samples than one each 1 ms" in fault.reason) == noticed
+    stream.restart()
+    fault.clear()
+    for _ in range(10):
+        stream.accept(0, now_ns, now_ns)
+    assert fault.reason == "", "counts anew after a restart"
 
 
 @pytest.mark.parametrize("bit", range(16))

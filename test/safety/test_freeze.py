@@ -5,9 +5,8 @@ import math
 
 import pytest
 
-from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import inverse
-from screw_module_ros.loop.plane import clear_of_stops, hand_torques
+from screw_module_ros.loop.plane import hand_torques
 from screw_module_ros.safety.checks import FreezeSettings, Frozen
 
 SETTINGS = FreezeSettings()
@@ -25,9 +24,21 @@ def frozen_at(steps):
     return None
 
 
-def test_too_much_torque_on_an_exact_standstill():
-    assert frozen_at([(1.0, 3.1)] * 200) in (NEEDED, NEEDED + 1)
-    assert frozen_at([(1.0, -3.1)] * 200) is not None
+@pytest.mark.parametrize(("torque", "counts"), [(3.0, 0), (3.0001, 1), (-3.0, 0), (-3.0001, 1)])
+def test_torque_and_time_at_their_edges(torque, counts):
+    """An eighth of a second is a sum without rounding; the first call only notes the position."""
+    check = Frozen(SETTINGS._replace(time=0.5))
+    found = [bool(check.check(1.0, torque, 0.125)) for _ in range(13)]
+    assert [number for number, frozen in enumerate(found) if frozen] == [4, 8, 12][: 3 * counts]
+    check.check(1.0, torque, 0.375)
+    check.restart()
+    assert not check.check(1.0, torque, 0.375)
+    reason = check.check(1.0, torque, 0.125)
+    assert ("in 0.5 s of more than 3 Nm on the joint: it is frozen" in reason) == bool(counts)
+
+
+def test_the_default_is_a_tenth_of_a_second():
+    assert frozen_at([(1.0, 3.1)] * 200) in (50, 51)
 
 
 def test_the_sum_counts_motion_to_and_fro_has_moments_of_little_torque():
@@ -60,11 +71,3 @@ def test_a_hand_s_force_does_its_work_at_the_joints():
     for torque, (ds, de) in zip(torques, ((turn, 0.0), (0.0, turn)), strict=True):
         moved_x, moved_y = forward(s + ds, e + de)
         assert 7.0 * (moved_x - x) - 3.0 * (moved_y - y) == pytest.approx(torque * turn, rel=1e-4)
-
-
-def test_nothing_is_judged_near_the_stops():
-    law = PlanarSettings()
-    s, e = inverse(0.0, 0.0)
-    assert clear_of_stops(law, s, e)
-    assert not clear_of_stops(law, law.shoulder_low - 0.01, e)
-    assert not clear_of_stops(law, s, s + law.between_low)

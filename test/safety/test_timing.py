@@ -90,7 +90,10 @@ def test_silence_counts_as_missed_once_the_next_deadline_is_over():
 
 def test_rate_and_latency_of_the_last_second():
     meter = run([900_000] * 1000 + [100_000] * 500 + [300_000] * 490 + [700_000] * 10)
-    assert meter.rate(2000 * PERIOD_NS) == pytest.approx(1000, abs=1)
+    assert meter.latency(0.5) == pytest.approx(3e-4)  # each tick forgets, unasked
+    assert meter.latency(1.0) == pytest.approx(9e-4)  # of the tick 999.3 ms ago
+    assert meter.rate(2000 * PERIOD_NS) == 1000
+    assert meter.rate(2000 * PERIOD_NS + 100_000) == 999
     assert meter.latency(0.25) == pytest.approx(1e-4)
     assert meter.latency(0.5) == pytest.approx(3e-4)
     assert meter.latency(0.995) == pytest.approx(7e-4)

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every bound of the loops: what is just allowed, and what is just beyond it."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.slot import Slot, SlotLimits
+from screw_module_ros.control.torque_chain import TorqueChain
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.geometry import inverse
+from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.loop.inputs import Guide, SetpointInput
+from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops
+from screw_module_ros.loop.ticker import Ticker, period_of
+from screw_module_ros.safety.checks import FreezeSettings
+from screw_module_ros.safety.permit import PermitSettings
+
+MS = 1_000_000
+LAW = PlanarSettings()
+
+
+# -- joints ----------------------------------------------------------------------------------------
+
+
+def joint() -> Joint:
+    made = Joint(JointSettings(), FreezeSettings(), 2 * MS)
+    assert made.take(0.0, 1) == ""
+    made.motion.homed = True
+    return made
+
+
+@pytest.mark.parametrize(
+    ("periods", "largest"), [(1, 0.02), (2, 0.04), (5, 0.1), (6, 0.1), (1500, 0.1)]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_jump_of_a_joint_is_two_hundredths_of_a_radian_a_period(periods, largest, sign):
+    """After a gap no more than after five: a drive that restarted unheard counts from elsewhere."""
+    allowed, beyond = joint(), joint()
+    assert "jumped" not in allowed.take(sign * (largest - 1e-6), periods)
+    assert allowed.motion.homed
+    said = beyond.take(sign * (largest + 1e-6), periods)
+    assert said == f"jumped by {sign * largest:.3f} rad"
+    assert not beyond.motion.homed
+
+
+@pytest.mark.parametrize(("speed", "said"), [(5.99, ""), (6.01, "turns at 6.0 rad/s")])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_turns_with_six_radians_a_second_at_most(speed, said, sign):
+    turning = joint()
+    found = [turning.take(sign * speed * 0.002 * k, 1) for k in range(1, 400)]
+    assert found[-1] == said.replace("at ", "at -" if sign < 0.0 else "at ")
+
+
+@pytest.mark.parametrize("name", [n for n in LAW._fields if n.endswith(("_low", "_high"))])
+def test_a_joint_is_clear_of_its_stops_only_between_them(name):
+    """Each stop by itself; the others are far away."""
+    stops = ("shoulder_low", "shoulder_high", "elbow_low", "elbow_high", "between_low",
+             "between_high")  # fmt: skip
+    assert name in stops
+    law = LAW._replace(**{n: -9.0 if n.endswith("low") else 9.0 for n in stops})
+    at = getattr(LAW, name)
+    law = law._replace(**{name: at})
+    inward = 1e-6 if name.endswith("low") else -1e-6
+    for place, clear in ((at + inward, True), (at, False), (at - inward, False)):
+        angles = (place, 0.0) if name.startswith("shoulder") else (0.0, place)
+        assert clear_of_stops(law, *angles) == clear
+
+
+def test_the_plane_is_homed_where_its_mark_is_and_only_at_rest(bench):
+    plane = bench.plane
+    plane._joint_settings = JointSettings(home_x=0.03, home_y=-0.02, home_shift=1.0)
+    for each in plane.joints:
+        each.motion.homed = False
+    assert plane.take_home(bench.now_ns) == ""
+    assert [j.angle for j in plane.joints] == pytest.approx(inverse(0.03, -0.02))
+    for number, label in enumerate(("shoulder", "elbow")):
+        rest = plane.joints[number].motion
+        rest.velocity = -0.02
+        assert plane.take_home(bench.now_ns) == ""
+        rest.velocity = -0.0201
+        assert plane.take_home(bench.now_ns).startswith(f"{label} drive turns at -0.020 rad/s")
+        rest.velocity = 0.0
+
+
+def test_a_plane_whose_drives_were_silent_for_a_tenth_of_a_second_is_not_homed(bench):
+    acted = bench.plane._acted.stamp_ns
+    assert bench.plane.measures(acted + 100 * MS)
+    assert not bench.plane.measures(acted + 100 * MS + 1)
+    assert bench.plane.take_home(acted + 100 * MS + 1) == "the drives do not answer"
+
+
+@pytest.mark.parametrize(("off", "stops"), [(0.0, False), (0.01, True)])
+def test_a_force_of_more_than_150_n_in_the_plane_stops_it(bench, off, stops):
+    reading = bench._readings[-1]
+    stamp_ns = bench.now_ns
+    bench.plane.on_force(
+        reading._replace(monotonic_ns=stamp_ns, fx=-0.6 * (150.0 + off), fy=0.8 * (150.0 + off)),
+        bench.now_ns,
+    )
+    assert bool(bench.plane.permit.fault.reason) == stops
+
+
+def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench):
+    plane = bench.plane
+    assert bench.enable_plane() == ""
+    bench.ticks(5)
+    for missed, reason in ((19, ""), (20, "20 deadlines missed in a row")):
+        plane.meter.consecutive_missed = missed
+        plane._check(bench.now_ns)
+        assert plane.permit.fault.reason == reason
+
+
+# -- set point and slot ----------------------------------------------------------------------------
+
+
+def test_the_velocity_of_a_set_point_expires_and_its_place_stays():
+    wanted = SetpointInput(axes=2)
+    assert str(wanted.at(MS)) == "(nan, nan, 0.0, 0.0)"
+    wanted.ask((0.1, -0.2), (0.3, 0.4), MS)
+    assert wanted.at(MS + 200_000_000) == (0.1, -0.2, 0.3, 0.4)
+    assert wanted.at(MS + 200_000_001) == (0.1, -0.2, 0.0, 0.0)
+
+
+def test_a_slot_expires_after_three_tenths_of_a_second():
+    guide = Guide(SlotLimits(fade_time=0.2))
+    guide.ask(Slot(target_y=0.14), 0, MS)
+    place = 0.03, 0.0, 0.0, 0.0
+    weights = [guide.guidance(*place, MS + k * 100_000_000, 0.02).weight for k in (0, 1, 2, 3)]
+    assert weights == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert guide.guidance(*place, MS + 300_000_001, 0.02).weight == pytest.approx(0.3)
+    for _ in range(4):
+        last = guide.guidance(*place, MS + 300_000_001, 0.02)
+    assert last == (0.0, 0.0, 0.0)
+    assert guide.guidance(math.nan, *place[1:], MS + 300_000_001, 0.02) == (0.0, 0.0, 0.0)
+
+
+# -- ticks -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("offset_ns", [0, 500_000])
+def test_ticks_are_whole_periods_and_their_offset(offset_ns):
+    clock = ManualClock(7_600_000)
+    ticker = Ticker(clock, 2 * MS, offset_ns)
+    first = ticker.sleep()
+    assert first[:2] == (4, 8 * MS + offset_ns) and first.skipped == 0
+    assert ticker.due_ns() == 10 * MS + offset_ns
+    clock.time_ns = 10 * MS + offset_ns - 1  # woken early: still the next tick, and none skipped
+    assert ticker.take()[::3] == (5, 0)
+    clock.time_ns = 15 * MS + offset_ns
+    assert ticker.sleep()[::3] == (7, 1)
+    clock.time_ns = (2**32 + 5) * 2 * MS + offset_ns
+    assert ticker.take().sequence == 5
+
+
+def test_a_period_is_a_whole_number_of_microseconds():
+    assert period_of(1000.0) == MS and period_of(125.0) == 8 * MS
+    with pytest.raises(ValueError, match=r"rate = 300\.0 Hz"):
+        period_of(300.0)
+
+
+# -- the vertical drive's writes -------------------------------------------------------------------
+
+
+def axis(sent, period_ns=MS) -> VerticalDrive:
+    """Return a drive's loop whose gate is open, and which notes what it writes [Nm]."""
+    drive = SimpleNamespace(
+        write=lambda command, now_ns: sent.append(command) or command, settings=DriveSettings()
+    )
+    port = SimpleNamespace(clock=ManualClock(1000 * MS), pump=lambda until_ns: None)
+    made = VerticalDrive(drive, port, period_ns, PermitSettings(), TorqueChain())
+    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("pause_ns", "step"), [(MS, 4.0), (3 * MS, 12.0), (5 * MS, 20.0), (50 * MS, 20.0), (0, 0.004)]
+)
+def test_after_a_pause_the_force_leaps_by_five_periods_at_most(pause_ns, step):
+    """4 N a millisecond; two writes in one nanosecond count as a microsecond apart."""
+    made, newton = axis([]), 0.01905 / (2.0 * math.pi)
+    begin = 1000 * MS
+    made._write(0.0, begin)
+    made._write(90.0, begin + pause_ns)
+    assert made.last.torque == pytest.approx(step * newton)
+    assert made.last.saturated
+    made._write(step, begin + pause_ns + MS)
+    assert made.last == pytest.approx((step * newton, step * newton, False))
+
+
+@pytest.mark.parametrize(("elapsed", "counted"), [(99, 99), (100, 100), (5000, 100)])
+def test_a_pause_heats_for_a_hundred_periods_at_most(elapsed, counted):
+    made, torque = axis([]), 50.0 * 0.01905 / (2.0 * math.pi)
+    for k in range(60):
+        made._write(50.0, (1000 + k) * MS)
+    before = made._heat
+    made._write(50.0, (1059 + elapsed) * MS)
+    share = counted * 1e-3 / 5.0
+    assert made._heat == pytest.approx(before + (torque**2 - before) * share)
+
+
+def test_a_force_is_written_again_after_two_periods_without_a_command():
+    sent = []
+    made = axis(sent)
+    made._write(3.0, 1000 * MS)
+    made.idle(1002 * MS - 1)
+    assert len(sent) == 1
+    made.idle(1002 * MS)
+    assert len(sent) == 2
