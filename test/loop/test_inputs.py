@@ -7,25 +7,28 @@ import math
 
 import pytest
 
-from screw_module_ros.loop.inputs import KEPT_NS, MOVING_NS, SetpointInput
+from screw_module_ros.loop.inputs import SetpointInput
+
+NONE = math.nan, math.nan
 
 
 @pytest.mark.parametrize(
-    ("age_ns", "acts", "wanted"),
+    ("age_ns", "acts", "position", "velocity"),
     [
-        (MOVING_NS, True, (0.3, 0.1)),
-        (MOVING_NS + 1, True, (0.3, 0.0)),
-        (KEPT_NS, False, (0.3, 0.0)),
-        (KEPT_NS + 1, False, (math.nan, 0.0)),
-        (100 * KEPT_NS, True, (0.3, 0.0)),
+        (200_000_000, True, (0.1, -0.2), (0.3, 0.4)),
+        (200_000_001, True, (0.1, -0.2), (0.0, 0.0)),
+        (1_000_000_000, False, (0.1, -0.2), (0.0, 0.0)),
+        (1_000_000_001, False, NONE, (0.0, 0.0)),
+        (100_000_000_000, True, (0.1, -0.2), (0.0, 0.0)),
     ],
 )
-def test_what_is_left_of_a_set_point(age_ns, acts, wanted):
-    given = SetpointInput(axes=1)
-    given.ask((0.3,), (0.1,), 1)
+def test_what_is_left_of_a_set_point(age_ns, acts, position, velocity):
+    given, wanted = SetpointInput(axes=2), (*position, *velocity)
+    assert given.at(1, True) == pytest.approx((*NONE, 0.0, 0.0), nan_ok=True)
+    given.ask((0.1, -0.2), (0.3, 0.4), 1)
     assert given.at(1 + age_ns, acts) == pytest.approx(wanted, nan_ok=True)
-    if not acts:  # what was forgotten does not come back with the torque
-        assert given.at(1 + age_ns, True) == pytest.approx(wanted, nan_ok=True)
+    # What was forgotten does not come back with the torque.
+    assert given.at(1 + age_ns, True) == pytest.approx(wanted, nan_ok=True)
 
 
 @pytest.mark.parametrize("pause_s", [0.2, 1.5])
