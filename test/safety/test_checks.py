@@ -202,6 +202,13 @@ def test_a_jump_is_more_than_any_motor_can_make(elapsed_ns, allowed, sign):
         assert bool(bench.watch.fault.reason) == bool(wrong)
 
 
+def test_after_a_reset_nothing_is_expected_of_the_next_place(bench):
+    bench.step(position=0.19)
+    assert bench.watch.reset(bench.now_ns) == ""
+    assert bench.step(position=0.17) == ""
+    assert bench.step(position=0.17) == ""
+
+
 @pytest.mark.parametrize(("stamp_ns", "wrong"), [(105_000_000, ""), (105_000_001, "gap of 5.0 ms")])
 def test_a_gap_is_more_than_five_periods(stamp_ns, wrong):
     bench = Bench()

@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.requests import Requests
+from screw_module_ros.safety.latch import Age
 from screw_module_ros.safety.permit import (
     CLOSED,
     GUARDS,
@@ -149,6 +152,19 @@ WRONG = [
 )  # fmt: skip
 def test_the_oldest_and_the_newest_stamps_that_are_fresh(opened, edge):
     assert opened.step(**edge) == 1.0 and opened.permit.reason == ""
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "now_ns", "fresh"),
+    [
+        (0, 0, False), (0, 10, False), (1, 1, True), (1, 101, True), (1, 102, False),
+        (105, 100, True), (106, 100, False),
+    ],
+)  # fmt: skip
+def test_what_is_fresh_was_ever_there_is_not_too_old_and_not_of_the_future(stamp_ns, now_ns, fresh):
+    age = Age(100, 5)
+    age.note(stamp_ns)
+    assert age.fresh(now_ns) == fresh
 
 
 @pytest.mark.parametrize("reason", ["", "the pin is in"])
@@ -339,3 +355,53 @@ def test_every_guard_names_a_hazard_and_the_parameters_that_exist(guard):
     assert guard.hazard in hazards
     for name in filter(None, guard.limit.split(", ")):
         assert name.removeprefix("gate.") in fields(PermitSettings)
+
+
+class NotedClock(ManualClock):
+    """A clock by hand that serves the gate while somebody waits, and notes how long one may."""
+
+    def __init__(self, gate):
+        super().__init__(gate.now_ns)
+        self.gate, self.longest = gate, []
+
+    def wait_for(self, condition, seconds):
+        self.longest.append(seconds)
+        self.gate.step()
+        self.time_ns = self.gate.now_ns
+        return condition()
+
+    def sleep(self, seconds):
+        self.time_ns += round(seconds * 1e9)
+
+
+def test_how_long_an_enable_and_a_recovery_are_waited_for():
+    """A second more than the drive may take, for its answer."""
+    gate = Gate()
+    permit = Permit(gate.drives, Requests(), SETTINGS, PERIOD_NS, recovery_s=2.5)
+    gate.permit = permit
+    gate.step()
+    assert permit.enable(clock := NotedClock(gate)) == ""
+    assert clock.longest[1:] == [2.0]  # after that of the loop's answer
+    gate.drives[0].fault, gate.drives[0].recovering = "over-current", True
+    gate.drives[0].clear_fault = lambda: gate.drives[0].asked.append("clear")
+    assert permit.clear_fault(clock := NotedClock(gate)) == "over-current"
+    assert clock.longest == [3.5] and gate.drives[0].asked[-2:] == ["clear", "disable"]
+    gate.drives[0].fault = ""
+    assert permit.clear_fault(NotedClock(gate)) == "" and not permit.faulted
+    assert gate.drives[0].asked.count("clear") == 1, "a healthy drive has nothing to recover from"
+
+
+@pytest.mark.parametrize(("lacking", "waited_ms"), [("", 0), ("leaving", 300), ("permission", 300)])
+def test_an_enable_waits_for_a_permission_or_a_disabling_under_way(lacking, waited_ms):
+    gate = Gate()
+    gate.drives[0].refused = "not now"
+    gate.drives[0].leaving = lacking == "leaving"
+    gate.permit._permitted = lacking != "permission"
+    gate.step = partial(gate.step, permitted=lacking != "permission")
+    clock = NotedClock(gate)
+    begin_ns = clock.time_ns
+    refused = gate.permit.enable(clock)
+    why = "not now" if lacking != "permission" else "safety_state does not permit motion"
+    assert refused == why
+    waited = (clock.time_ns - begin_ns) / 1e6
+    assert waited_ms <= waited <= waited_ms + 10
