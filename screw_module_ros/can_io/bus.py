@@ -8,7 +8,7 @@ Every other interface works by wall clock only; all but `udp_multicast` are hard
 from __future__ import annotations
 
 from collections import deque
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
@@ -97,7 +97,7 @@ def _opened(settings: BusSettings, served: bool) -> can.BusABC:
         return RigHub(channel) if served else RigBus(channel)
     if interface == "udp_multicast":
         return MulticastBus(channel=channel, port=settings.port, hop_limit=0, fd=fd)
-    more = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
+    more: dict[str, Any] = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
     return can.Bus(interface=interface, channel=channel, ignore_config=True, **more)
 
 
@@ -128,7 +128,7 @@ class MulticastBus(UdpMulticastBus):
     are no frames are left out.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__(**kwargs)
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=_MOST_ECHOES)
 

@@ -84,8 +84,10 @@ def as_numbers(linearization: Linearization) -> tuple[float, ...]:
 
 def from_numbers(numbers: Sequence[float]) -> Linearization:
     """Return the map of ten numbers."""
-    n = tuple(map(float, numbers))
-    return Linearization((n[0], n[1]), Line(n[2], n[3]), n[4:8], Line(n[8], n[9]))
+    low, high, slope, offset, c3, c2, c1, c0, upper, shift = map(float, numbers)
+    return Linearization(
+        (low, high), Line(slope, offset), (c3, c2, c1, c0), Line(upper, shift)
+    )
 
 
 @dataclass(slots=True)
