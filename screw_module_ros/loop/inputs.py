@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What games and therapy sessions ask of the control loops: a set point, a slot.
+"""What games, therapy sessions and trials ask of the control loops: a set point, a slot, a lease.
 
 The velocity of a set point expires after `MOVING_NS`. Its position stays valid while it acts; while
 it does not, it is forgotten after `KEPT_NS`, or it would pull at the next enabling. A slot that is
-not requested again within `RENEWED_NS` fades out.
+not requested again within `RENEWED_NS` fades out, a lease that is not renewed lapses.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..control.excitation import NOTHING, Excitation
 from ..control.slot import OPEN, Slot, SlotInput, SlotLimits, initial_state, slot_step
 from ..safety.latch import Age
 
@@ -86,3 +87,32 @@ class Guide:
         inp = SlotInput(x, y, vx, vy, present, self._slot or _NO_SLOT, since)
         output, self._state = slot_step(self.limits, self._state, inp, dt)
         return Guidance(output.force_x, output.force_y, output.weight)
+
+
+class Lease:
+    """A trial's hold on the controller, as long as its sender repeats the request.
+
+    request: the newest one. held: from the first request until `end`, so that whoever keeps what
+    the trial has changed can put it back. lapsed: no request for `RENEWED_NS`; only `end`, then
+    another request, begin anew.
+    """
+
+    def __init__(self) -> None:
+        self.request = NOTHING
+        self.held = self.lapsed = False
+        self._asked = Age(RENEWED_NS)
+
+    def renew(self, request: Excitation, now_ns: int) -> None:
+        """Take a request, which came at now_ns [ns]; a lapsed lease takes none."""
+        if not self.lapsed:
+            self.request, self.held = request, True
+            self._asked.note(now_ns)
+
+    def check(self, now_ns: int) -> bool:
+        """Return whether the lease has lapsed by now_ns [ns]."""
+        self.lapsed = self.lapsed or self.held and not self._asked.fresh(now_ns)
+        return self.lapsed
+
+    def end(self) -> None:
+        """End it: what the trial has changed is put back."""
+        self.request, self.held, self.lapsed = NOTHING, False, False
