@@ -38,14 +38,15 @@ soak: build  ## ten minutes of work, recorded: does anything grow or get lost? A
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)
 
-test: build  ## the tests that take minutes in all; pass options with ARGS="-k friction"
+test: build  ## the tests without those marked long; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
 
-lint: build  ## style, docstrings, the import rule, the clock rule, no room heavier than before
+lint: build  ## style, docstrings, types, the import rule, the clock rule, no room heavier than before
 	@$(VENV_PYTHON) -m ruff check .
+	@$(VENV_PYTHON) -m mypy
 	@$(VENV_PYTHON) tools/import_rule.py
 	@$(VENV_PYTHON) tools/clock_rule.py
 	@$(VENV_PYTHON) tools/ratchet.py
@@ -54,4 +55,4 @@ shell: build  ## a shell in which the nodes can be started by name
 	@tools/run $${SHELL:-sh}
 
 clean:  ## remove everything that was built, the virtual environment too
-	rm -rf .venv build install log .pytest_cache .hypothesis .ruff_cache
+	rm -rf .venv build install log .pytest_cache .hypothesis .ruff_cache .mypy_cache

@@ -100,6 +100,7 @@ FORCE_DECIMATED = "handle/force/decimated"
 WRENCH = "handle/wrench"
 FORCE_COMMAND = "screw/force_command"
 CONTROLLER_STATE = "screw/controller_state"
+EXCITATION = "screw/excitation"
 AMPLIFIER_STATE = "screw/amplifier_state"
 MANUS_STATE = "manus/state"
 ENDPOINT_STATE = "endpoint_state"
@@ -134,6 +135,8 @@ _TOPICS = (
     Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", "state", "force_sensor", 100.0),
     Topic(FORCE_COMMAND, _OURS + "ForceCommand", "command", "impedance_controller", 1000.0,
           ("amplifier",), clock="encoder", every=1),
+    Topic(EXCITATION, _OURS + "ExcitationRequest", "command", "characterize", 0.0,
+          ("impedance_controller",)),
     Topic(CONTROLLER_STATE, _OURS + "ImpedanceState", "state", "impedance_controller", 100.0,
           ("supervisor",)),
     Topic(AMPLIFIER_STATE, _OURS + "AmplifierState", "state", "amplifier", 100.0,

@@ -50,7 +50,7 @@ class EncoderReading(NamedTuple):
     sequence: int
     monotonic_ns: int
     stamp_ns: int
-    count: int
+    count: int  # type: ignore[assignment]  # hides the tuple's method
     position: float
     velocity: float
     homed: bool

@@ -109,7 +109,8 @@ def problem(field: Field, value: Any, label: str = "") -> str:
 
 def _flaw(record: Any, prefix: str = "") -> str:
     """Return the first problem of a record's fields, or of how they fit together."""
-    for name, field in fields(type(record)).items():
+    kind: type = type(record)
+    for name, field in fields(kind).items():
         if wrong := problem(field, getattr(record, name), prefix + name):
             return wrong
     flaw = record.flaw() if hasattr(record, "flaw") else ""
@@ -138,7 +139,7 @@ def read(kind: type, mapping: Any, where: str = "") -> Any:
     return record
 
 
-def _record(kind: type, mapping: Any, where: str) -> Any:
+def _record(kind: Any, mapping: Any, where: str) -> Any:
     known, prefix = fields(kind), f"{where}." if where else ""
     if not isinstance(mapping, dict):
         named = f"{where} = " if where else ""
@@ -187,7 +188,7 @@ def plain(value: Any) -> Any:
     return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
     """Refuses a key that is written twice, and takes a date for text, as rcl does."""
 
     yaml_implicit_resolvers = {

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from catalogue import ROWS
 
-from screw_module_ros import session_command
+from screw_module_ros import profiles, session_command
 from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -171,3 +171,17 @@ def test_a_package_says_where_it_lives_and_whom_to_ask(folder):
     for kind in ("repository", "bugtracker"):
         assert re.search(rf'<url type="{kind}">https://\S+</url>', package)
     assert ".invalid" not in package
+
+
+def test_the_profile_of_the_porting_page_is_read(tmp_path):
+    """Its example names a guard that it lacks and what stands in for it."""
+    text = (ROOT / "docs" / "porting.md").read_text(encoding="utf-8")
+    file = tmp_path / "mine.yaml"
+    file.write_text(re.search(r"^```yaml\n(.*?)^```", text, re.M | re.S)[1], encoding="utf-8")
+    assert profiles.load(str(file), profiles.DRIVE).drive.substitutes
+
+
+def test_every_packaged_profile_has_its_name_in_the_list():
+    assert sorted(f.stem for f in (ROOT / "params/devices").glob("*.yaml")) == sorted(
+        profiles.NAMES
+    )

@@ -15,6 +15,7 @@ from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.loop.plane import JointSettings, PlaneLimits
 from screw_module_ros.nodes.amplifier import AmplifierSettings
 from screw_module_ros.safety.checks import AgreementSettings, FreezeSettings, WatchSettings
@@ -40,7 +41,7 @@ STOPS = [
 LIMITS = {
     "": (
         CommandLimits, DriveSettings, PlanarSettings, PlaneLimits, SupervisionSettings,
-        VerticalSettings, AmplifierSettings,
+        VerticalSettings, AmplifierSettings, ForceSensorSettings,
     ),
     "agreement.": (AgreementSettings,), "freeze.": (FreezeSettings,), "gate.": (PermitSettings,),
     "joints.": (JointSettings,), "torque.": (TorqueLimits,), "watch.": (WatchSettings,),

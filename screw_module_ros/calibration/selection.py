@@ -120,8 +120,8 @@ def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
     """
     module = chosen_calibration(settings, "friction_file", path)
     if module is None:
-        path = path or resource_path(THESIS_FILE)
-        return ChosenFriction(load_friction_model(path), file_identity(path))
+        file = path or resource_path(THESIS_FILE)
+        return ChosenFriction(load_friction_model(file), file_identity(file))
     identity = module.identity(settings.calibration_file)
     return ChosenFriction(module.friction, identity, module.gravity_N, module.mass_kg)
 

@@ -8,7 +8,7 @@ Every other interface works by wall clock only; all but `udp_multicast` are hard
 from __future__ import annotations
 
 from collections import deque
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
@@ -78,7 +78,9 @@ def open_bus(
 
 def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
     """Open the bus described by `settings` and return its `Port`; raises as `open_bus`."""
-    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock)
+    # SocketCAN marks what was sent on this computer, by any program; our own frames it keeps back.
+    echoes = settings.interface != "socketcan"
+    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock, echoes)
 
 
 def where(settings: BusSettings) -> str:
@@ -97,7 +99,7 @@ def _opened(settings: BusSettings, served: bool) -> can.BusABC:
         return RigHub(channel) if served else RigBus(channel)
     if interface == "udp_multicast":
         return MulticastBus(channel=channel, port=settings.port, hop_limit=0, fd=fd)
-    more = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
+    more: dict[str, Any] = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
     return can.Bus(interface=interface, channel=channel, ignore_config=True, **more)
 
 
@@ -128,7 +130,7 @@ class MulticastBus(UdpMulticastBus):
     are no frames are left out.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__(**kwargs)
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=_MOST_ECHOES)
 

@@ -39,9 +39,10 @@ class Port:
     """One CAN bus, one reader.
 
     bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC is
-    an error. name: name of the bus in messages. clock: clock of arrival stamps and waits. counters:
-    frames since it was opened, by kind: sent, received, echoes, unclaimed, ignored, error_frames,
-    send_errors, receive_errors, foreign_sync.
+    an error. echoes: frames that are not marked as received are our own; on SocketCAN they are
+    those of other programs of this computer. name: of the bus in messages. clock: of arrival stamps
+    and waits. counters: frames since it was opened, by kind: sent, received, echoes, unclaimed,
+    ignored, error_frames, send_errors, receive_errors, foreign_sync.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Port:
         sync_producer: bool = True,
         name: str = "",
         clock: Clock | None = None,
+        echoes: bool = True,
     ):
         self.bus = bus
         self.sync_producer = sync_producer
@@ -58,6 +60,7 @@ class Port:
         self._arrivals = self.clock.arrivals(bus)
         self.counters: Counter[str] = Counter()
         self.bus_off = False
+        self._echoes = echoes
         self._callbacks: dict[int, tuple[Callback, ...]] = {}
         self._reading = threading.Lock()
         self._loop_waits = False
@@ -142,7 +145,7 @@ class Port:
         if odd or message.is_fd:  # no device of ours sends CAN FD
             self._note_odd(message)
             return 1
-        if not message.is_rx:
+        if self._echoes and not message.is_rx:
             self.counters["echoes"] += 1
             return 0
         self.counters["received"] += 1

@@ -17,6 +17,7 @@ import stat
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -59,7 +60,7 @@ class SimulatedBus(can.BusABC):
     frames read for which it does.
     """
 
-    def __init__(self, channel: str, **kwargs):
+    def __init__(self, channel: str, **kwargs: Any):
         self.channel_info = f"rig {channel}"
         self.counted = False
         self.frames_counted = 0
@@ -100,14 +101,14 @@ class RigBus(SimulatedBus):
     CanInitializationError when no rig serves the bus.
     """
 
-    def __init__(self, channel: str, **kwargs):
+    def __init__(self, channel: str, **kwargs: Any):
         self._link: socket.socket | None = None
         try:
             self._path = address(channel)
-            self._join()
-            if not select.select([self._link], (), (), _WELCOME_S)[0]:
+            link = self._join()
+            if not select.select([link], (), (), _WELCOME_S)[0]:
                 raise TimeoutError("sim_rig does not serve this bus at present: is it active?")
-            self._read()
+            self._read(link)
         except (OSError, ValueError) as error:
             self._leave()
             raise can.CanInitializationError(str(error)) from error
@@ -127,11 +128,10 @@ class RigBus(SimulatedBus):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
-            if self._link is None:
-                self._join()
+            link = self._link or self._join()
             if timeout != 0.0:
-                select.select([self._link], (), (), timeout)
-            while (packet := self._read()) == WELCOME:  # it has joined again
+                select.select([link], (), (), timeout)
+            while (packet := self._read(link)) == WELCOME:  # it has joined again
                 pass
         except BlockingIOError:
             return None, False
@@ -139,10 +139,10 @@ class RigBus(SimulatedBus):
             raise can.CanOperationError(str(error)) from None
         return self.unpacked(packet), False
 
-    def _read(self) -> bytes:
+    def _read(self, link: socket.socket) -> bytes:
         """Return the packet that waits. Raises BlockingIOError without one, OSError."""
         try:
-            packet = self._link.recv(PACKET_BYTES, socket.MSG_DONTWAIT)
+            packet = link.recv(PACKET_BYTES, socket.MSG_DONTWAIT)
         except ConnectionError:
             packet = b""
         if not packet:
@@ -150,7 +150,7 @@ class RigBus(SimulatedBus):
             raise ConnectionResetError(_ENDED)
         return packet
 
-    def _join(self) -> None:
+    def _join(self) -> socket.socket:
         link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             link.setblocking(False)
@@ -162,6 +162,7 @@ class RigBus(SimulatedBus):
                 "domain and namespace"
             ) from error
         self._link = link
+        return link
 
     def _leave(self) -> None:
         link, self._link = self._link, None

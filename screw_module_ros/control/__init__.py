@@ -4,6 +4,5 @@
 A function of a law changes the record of its own memory, which it is given, and nothing else.
 
 `vertical` is the complete vertical law, `planar` the planar one. `torque_chain` turns a force into
-the drive's torque. `watch`, `agreement`, `freeze`, `gate`, `supervision` and `timing` decide
-whether a torque may pass.
+the drive's torque. Whether a torque may pass is decided in `safety`.
 """

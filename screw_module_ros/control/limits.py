@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting
 
-TRIAL_RATE = 1e6
-"""`command_rate` of a torque trial, whose locked rotor may have any sine [N/s]."""
+ANY_RATE = 1e6
+"""`command_rate` without effect: no command changes as fast [N/s]."""
 LONGEST_STEP = 0.02
 """A longer time step of a law counts as this one, so that a pause makes no large step [s]."""
 # A sample beyond these cannot be real; a law then gives zero.
@@ -42,7 +42,7 @@ class CommandLimits(NamedTuple):
         float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
     ] = 75.0
     command_rate: Annotated[
-        float, Setting("fastest change of the command that is followed", "N/s", 10.0, TRIAL_RATE)
+        float, Setting("fastest change of the command that is followed", "N/s", 10.0, ANY_RATE)
     ] = 4000.0
 
 

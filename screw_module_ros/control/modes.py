@@ -9,6 +9,7 @@ FRICTION_COMPENSATION = 2
 FORCE_FEEDBACK = 3
 COMBINED = 4
 OBSERVER = 5
+EXCITATION = 6
 
 MODE_NAMES = {
     OFF: "OFF",
@@ -18,6 +19,9 @@ MODE_NAMES = {
     COMBINED: "COMBINED",
     OBSERVER: "OBSERVER",
 }
+"""Names of the laws."""
+ALL_NAMES = {**MODE_NAMES, EXCITATION: "EXCITATION"}
+"""With the mode that is no law: the sine of a trial, on a lease."""
 
 
 def uses_impedance(mode: int) -> bool:

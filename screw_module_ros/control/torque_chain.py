@@ -15,8 +15,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..geometry import SCREW, Screw, force_to_torque
+from ..safety.checks import LARGEST_COMMAND
 from ..units import from_per_mille, to_per_mille
-from .limits import CommandLimits, TorqueLimits, clamp, limit_torque, slew
+from .limits import ANY_RATE, CommandLimits, TorqueLimits, clamp, limit_torque, slew
 from .linearization import IDENTITY, Linearization, torque_command
 
 _MOMENT = 1e-3  # [s] time for which a cold motor may give its peak torque
@@ -77,6 +78,19 @@ def commanded_torque(
     # Zero stays zero whatever the map makes of it: without a command no torque.
     command = torque_command(chain.linearization, torque) if torque != 0.0 else torque
     return Commanded(torque, command, torque != wanted), heat
+
+
+def excitation_chain(chain: TorqueChain) -> TorqueChain:
+    """Return the chain of mode EXCITATION: a sine passes as it is, up to what the motor may give.
+
+    No linearization, no limit of the rate; I2t stays. LARGEST_COMMAND is 0.455 Nm: the
+    motor's 0.42 Nm and a dead zone. The nominal screw undoes what the controller did with it.
+    """
+    return chain._replace(
+        commands=CommandLimits(LARGEST_COMMAND, LARGEST_COMMAND, ANY_RATE),
+        screw=SCREW,
+        linearization=IDENTITY,
+    )
 
 
 def largest_command(chain: TorqueChain) -> float:

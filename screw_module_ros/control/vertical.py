@@ -45,7 +45,7 @@ class VerticalInput(NamedTuple):
     """Inputs of one step, up positive.
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
-    tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
+    tared [N]; setpoint_position [m], NaN = none; setpoint_velocity
     [m/s]; active: False holds the command at zero and the set point at the measured position;
     slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, of spring and dampers that it replaces.
     """

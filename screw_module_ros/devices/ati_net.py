@@ -11,7 +11,6 @@ from __future__ import annotations
 import struct
 
 from ..can_io.port import Port
-from ..profiles import FORCE_SENSOR, NET_PROTOCOL, load
 from .ati import AXES, Row, SensorIdentity
 from .errors import NotAnswering, NotConfigured
 from .force_sensor import ForceSensor
@@ -110,9 +109,3 @@ class NetForceSensor(ForceSensor):
     def _on_request(self, data: bytes, _arrival_ns: int) -> None:
         if self._running and self._is_poll(data):
             self.on_foreign_poll()
-
-
-def driver(port: Port, settings: ForceSensorSettings) -> ForceSensor:
-    """Return the driver for the sensor's profile. Raises SettingError for one that is not there."""
-    protocol = load(settings.profile, FORCE_SENSOR).force_sensor.protocol
-    return (NetForceSensor if protocol == NET_PROTOCOL else ForceSensor)(port, settings)

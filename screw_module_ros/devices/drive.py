@@ -8,6 +8,7 @@ latched. `drive_logic` decides what to send; this module sends it.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
@@ -36,6 +37,7 @@ class Drive(DriveReports):
     master).
     warnings: for the user, such as missing guards. unguarded: guards that the drive refused and
     nothing replaces. make: what is known of its make.
+    told_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].
     altered: it may have lost its configuration: another SDO client talked to it, or it was silent
@@ -66,6 +68,8 @@ class Drive(DriveReports):
         )
         self._waived = waived_guards(settings)
         self._largest = settings.max_torque
+        self.told_limit: float | None = None
+        self._configured = self._setup
         self._open_ids: set[int] = set()
         self._asked = 0.0
         self._was_armed = False
@@ -93,16 +97,34 @@ class Drive(DriveReports):
     def adopt(self, found: setup.DriveSetup) -> None:
         """Take over mode, rating and missing guards."""
         self.expect(found)
-        taken = self.make.drive.largest_target / PER_MILLE * found.rated_torque
-        self._largest = min(self.settings.max_torque, taken)
+        self._configured = found
+        self._limited(found)
         for can_id in set(found.open_ids) - self._open_ids:  # nobody else may command it there
             self._open_ids.add(can_id)
             self._port.subscribe(can_id, self._on_foreign_command)
-        self.unguarded = found.unguarded
         self.warnings = [
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
+
+    def _limited(self, found: setup.DriveSetup) -> None:
+        taken = self.make.drive.largest_target / PER_MILLE * found.rated_torque
+        self.told_limit = self.settings.max_torque
+        self._largest = min(self.settings.max_torque, taken)
+        self.unguarded = found.unguarded
+
+    def limit(self, max_torque: float) -> None:
+        """Take another `max_torque` [Nm], and tell the drive, which must be off; blocking.
+
+        A drive that refuses it lacks that guard, and is not enabled. Raises NotAnswering, BusError.
+        """
+        if max_torque == self.told_limit:
+            return
+        self.told_limit = None  # until it has answered
+        self.settings = self.settings._replace(max_torque=max_torque)
+        self._limited(
+            setup.limit_again(self.sdo, self.settings, self.make.drive, self._configured)
+        )
 
     def prepare_start(self) -> None:
         """Drop the states shown before; from the start on the loop must call `write` every tick."""
@@ -146,7 +168,8 @@ class Drive(DriveReports):
             logic.latch(f"the torque command was {torque_nm}")
         state = self.state(now_ns)
         if state is State.UNKNOWN:
-            self._port.pump()  # answers may wait in our socket
+            with suppress(BusError):  # it cannot be read, and must be switched off all the same
+                self._port.pump()  # answers may wait in our socket
             state = self.state(now_ns)
             self._check_silence(now_ns)
         self._check_torque(state, now_ns)

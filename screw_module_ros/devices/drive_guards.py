@@ -70,17 +70,21 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
     disable = _DISABLE_AND_COAST if coast else _RAMP_DOWN
     period = milliseconds(settings.drive_heartbeat)
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
-    limit = own_limit(settings.max_torque, rated)
     return (
         Object(0x1017, 0, period, 2, DRIVE_HEARTBEAT),
         Object(0x1016, 1, consumer, 4, MASTER_HEARTBEAT),
         Object(0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, LOST_CONNECTION),
         Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION),
         Object(0x605E, 0, stop, 2, FAULT_REACTION),
-        Object(0x6072, 0, limit, 2, TORQUE_LIMIT),
+        limit_object(settings, rated),
         Object(0x605B, 0, disable, 2, "", "shutdown reaction"),
         Object(0x605C, 0, disable, 2, "", "disable reaction"),
     )
+
+
+def limit_object(settings: DriveSettings, rated: float) -> Object:
+    """Return the drive's own limit of its torque; rated: its torque [Nm]."""
+    return Object(0x6072, 0, own_limit(settings.max_torque, rated), 2, TORQUE_LIMIT)
 
 
 def own_limit(max_torque: float, rated_torque: float) -> int:

@@ -14,10 +14,18 @@ from typing import NamedTuple
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
-from ..profiles import COMMAND_DEADLINE, DriveProfile, key_of
+from ..profiles import COMMAND_DEADLINE, TORQUE_LIMIT, DriveProfile, key_of
 from ..units import PER_MILLE
 from . import pdo
-from .drive_guards import MissingGuard, Object, milliseconds, replaced, stop_objects, written
+from .drive_guards import (
+    MissingGuard,
+    Object,
+    limit_object,
+    milliseconds,
+    replaced,
+    stop_objects,
+    written,
+)
 from .drive_settings import DriveSettings
 from .errors import NotConfigured, Refused, WrongDevice
 from .sdo import Sdo
@@ -149,9 +157,28 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
     missing, refused = written(sdo, stop_objects(settings, rated))
     if no_deadline:
         missing.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
-    share = min(settings.max_torque / rated, profile.largest_target / PER_MILLE)
+    share = _share(settings, rated, profile)
     unguarded, told = replaced(sdo, settings, profile, missing, share)
     return DriveSetup(mode, rated, unguarded, (*warnings, *refused, *told), slow, open_ids)
+
+
+def _share(settings: DriveSettings, rated: float, profile: DriveProfile) -> float:
+    return min(settings.max_torque / rated, profile.largest_target / PER_MILLE)
+
+
+def limit_again(
+    sdo: Sdo, settings: DriveSettings, profile: DriveProfile, found: DriveSetup
+) -> DriveSetup:
+    """Tell a configured drive, which must be off, another `max_torque` as its own limit.
+
+    Raises NotAnswering. Where the operator has waived the limit, there is none to write.
+    """
+    if any(each.guard == TORQUE_LIMIT for each in found.unguarded):
+        return found
+    rated = found.rated_torque
+    missing, _ = written(sdo, (limit_object(settings, rated),))
+    lacking, _ = replaced(sdo, settings, profile, missing, _share(settings, rated, profile))
+    return found._replace(unguarded=(*found.unguarded, *lacking))
 
 
 def _configure_slow_status(

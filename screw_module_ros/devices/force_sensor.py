@@ -22,7 +22,6 @@ from .errors import BusError, NotAnswering, NotConfigured, NotNow, Occupied, Wro
 from .force_sensor_settings import (
     ANY_CALIBRATION,
     ForceSensorSettings,
-    force_sensor_traffic,
     unchanged_samples,
 )
 from .polled import FRESH, LATE, UNEXPECTED, Polled
@@ -36,7 +35,7 @@ _RESTART_S = 0.02  # after this silence the board may have lost its supply and c
 class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
-    A sensor with another protocol is a subclass with other opcodes, `find` and `values`.
+    A sensor with another protocol is a subclass (CONTRIBUTING.md); two frames are one answer.
 
     counters: those of `Polled`, out_of_order (second halves without their first), saturated
     (samples with a gauge at its end), frozen (samples withheld because the gauges were constant),
@@ -106,7 +105,12 @@ class ForceSensor:
     @property
     def traffic(self) -> list[Traffic]:
         """Frames for the bus load."""
-        return force_sensor_traffic(self.settings)
+        sizes = (len(self.REQUEST), *self.SIZES)
+        names = ("request", "first half", "second half")
+        return [
+            Traffic(f"{self._label} {name}", size, self.settings.rate)
+            for name, size in zip(names, sizes, strict=True)
+        ]
 
     def configure(self) -> None:
         """Find the sensor, check its identity and read its calibration; blocking.

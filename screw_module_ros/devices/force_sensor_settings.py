@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from ..can_io.load import Traffic
 from ..profiles import NETCANOEM
 from ..settings import Setting
 from . import ati
@@ -66,12 +65,3 @@ def unchanged_samples(settings: ForceSensorSettings) -> int:
     if settings.freeze_time == 0.0:
         return 0
     return max(FEWEST_UNCHANGED, round(settings.freeze_time * settings.rate))
-
-
-def force_sensor_traffic(settings: ForceSensorSettings) -> list[Traffic]:
-    """Return the frames of this device for the bus load."""
-    return [
-        Traffic("force sensor request", 0, settings.rate),
-        Traffic("force sensor status, gauges 0 2 4", ati.GAUGES_FIRST.size, settings.rate),
-        Traffic("force sensor gauges 1 3 5", ati.GAUGES_SECOND.size, settings.rate),
-    ]

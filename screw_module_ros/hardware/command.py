@@ -17,7 +17,7 @@ import click
 from ..can_io.bus import BusSettings, open_port
 from ..can_io.port import BusError
 from ..clock import Clock, WallClock
-from ..devices import ati_net
+from ..devices import force_sensors
 from ..devices.drive import Drive
 from ..devices.drive_settings import DriveSettings
 from ..devices.encoder import Encoder
@@ -81,7 +81,7 @@ class Found:
         self._add("encoder", lambda port, v: Encoder(
             port, settings(EncoderSettings, v), settings(Screw, v),
             load(v.get("profile", GENERIC_406), ENCODER)))
-        self._add("force_sensor", lambda port, v: ati_net.driver(
+        self._add("force_sensor", lambda port, v: force_sensors.driver(
             port, settings(ForceSensorSettings, v)))
         self._add("amplifier", lambda port, v: Drive(
             port, settings(DriveSettings, v), "vertical drive",

@@ -168,6 +168,7 @@ class InProcessBench:
         )  # fmt: skip
         quiet = LoopParams(
             plant=plant,
+            lead=w.vertical.lead,
             amplifier=w.amplifier,
             sensor=current_sensor_params(substep),
             transducer=self._transducer(),
@@ -234,9 +235,8 @@ class InProcessBench:
             height = float(getattr(trial, position))
             upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
             module = resting_state(self.world.vertical, height, upright)
-        return state._replace(
-            ticks=0, module=module, motion=velocity_settled(counted(height))
-        )
+        shown = counted(height, self.world.vertical.lead)
+        return state._replace(ticks=0, module=module, motion=velocity_settled(shown))
 
     def _ticks(
         self,
@@ -308,9 +308,9 @@ def length_of(trial: Trial) -> float:
     return trial.duration
 
 
-def counted(height: float) -> float:
-    """Return a height [m] rounded to the encoder's counts."""
-    return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
+def counted(height: float, lead: float = SCREW.lead) -> float:
+    """Return what the encoder shows at a height [m], on a screw with this lead [m]."""
+    return counts_to_height(math.floor(height / lead * COUNTS_PER_TURN))
 
 
 def tared(params: LoopParams, force: float, torque: float) -> LoopParams:

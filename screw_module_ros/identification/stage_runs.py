@@ -31,6 +31,7 @@ _DECADE = 10.0
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]
+_OTHER_LEAD = 0.01  # of the speed; no positioning stage is off by as much
 _LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
 LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
 
@@ -102,7 +103,8 @@ def steady_part(trial: StageTrial, samples: Samples) -> Steady:
 
     The reference is a line with the stage's speed through the middle half of the positions. The
     steady part stays within a few counts of it and begins `SETTLE_S` later.
-    Raises ValueError if the nut does not move at the stage's speed.
+    Raises ValueError if the nut does not move at the stage's speed; if it moves evenly at another
+    one, the message names the lead that explains it.
     """
     time, position = samples.time, samples.position
     quarter = len(time) // 4
@@ -113,6 +115,15 @@ def steady_part(trial: StageTrial, samples: Samples) -> Steady:
     behind = behind - behind[middle].mean()
     spread = behind[middle].std()
     allowed = 4.0 * spread + 2.0 * _COUNT
+    slope, shift = np.polyfit(time[middle], position[middle], 1)
+    own = (position[middle] - slope * time[middle] - shift).std()
+    if abs(slope / trial.speed - 1.0) > _OTHER_LEAD and own < 0.1 * spread:
+        raise ValueError(
+            f"the encoder shows {1e3 * slope:.4g} mm/s where the stage moves at "
+            f"{1e3 * trial.speed:g} mm/s: the screw has a lead of "
+            f"{1e3 * SCREW.lead * trial.speed / slope:.2f} mm, encoder and amplifier take "
+            f"{1e3 * SCREW.lead:g} mm for granted; every height and force is wrong by the ratio"
+        )
     if spread > 0.5e-3:
         raise ValueError(
             f"the nut deviates by {spread * 1e3:.2g} mm from a motion at {trial.speed:g} m/s: is "

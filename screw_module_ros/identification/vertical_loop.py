@@ -51,7 +51,8 @@ class Transducer(NamedTuple):
 class LoopParams(NamedTuple):
     """Constant parameters of a trial.
 
-    chain: from force to torque command; amperes: command to the amplifier per newton metre [A/Nm].
+    lead: of the screw that the encoder is on [m], which the laws need not know. chain: from force
+    to torque command; amperes: command to the amplifier per newton metre [A/Nm].
     period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
     which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode, centre
     [m]: of the law. side_force: amplitude of the planar force on the handle [N], at side_omega
@@ -59,6 +60,7 @@ class LoopParams(NamedTuple):
     """
 
     plant: VerticalParams
+    lead: float
     amplifier: Amplifier
     sensor: RotorStep
     transducer: Transducer
@@ -119,7 +121,7 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     """Sample, compute the command, advance the plant by one period."""
     module = s.module
     screw = p.chain.screw
-    count = math.floor(module.nut / screw.lead * COUNTS_PER_TURN)
+    count = math.floor(module.nut / p.lead * COUNTS_PER_TURN)
     position = counts_to_height(count, screw, COUNTS_PER_TURN)
     velocity, motion = velocity_step(p.smooth, s.motion, position, p.period)
     force, torque, first, second = _transduced(p, s)

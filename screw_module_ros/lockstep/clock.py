@@ -7,7 +7,7 @@ A thread that uses it holds the time while it works; the time advances while all
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -98,7 +98,7 @@ class SimulatedClock(Clock):
             member.leave()
 
     @contextmanager
-    def working(self):
+    def working(self) -> Iterator[None]:
         """Hold time while this thread works, except in its waits."""
         member = self.member
         member.busy()
@@ -154,7 +154,7 @@ class _CountedArrivals:
         self._end.announce()
 
 
-class _CountedServing:
+class _CountedServing(Serving):
     """The end of the node: see `clock.Serving`."""
 
     def __init__(self, clock: SimulatedClock, node: str):
@@ -166,14 +166,14 @@ class _CountedServing:
         clock.idle()
 
     @contextmanager
-    def working(self):
+    def working(self) -> Iterator[None]:
         """Hold time while this thread works, except in its waits, in which requests wait too."""
         self._server = self._clock.member
         with self._clock.working(), self._requests.paused():
             yield
 
     @contextmanager
-    def answering(self):
+    def answering(self) -> Iterator[None]:
         """Like `working`, for one request, whose client has the answer before time advances."""
         with self.working():
             yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import zlib
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from .page import NOBODY, Page, alive
@@ -31,7 +32,9 @@ class End:
         follows: bool = False,
     ):
         self._page, self._counting = page, threading.Lock()
-        self._roster, self._senders, self._others = -1, [], []
+        self._roster = -1
+        self._senders: list[int] = []
+        self._others: list[int] = []
         raw = channel.encode()
         key = zlib.crc32(raw) << 31 | zlib.adler32(raw) & 0x7FFFFFFF
         with page.locked():
@@ -122,7 +125,7 @@ class End:
         self.catch_up()
 
     @contextmanager
-    def paused(self):
+    def paused(self) -> Iterator[None]:
         """Do not hold time meanwhile; afterwards as before."""
         page, row = self._page, self.row
         followed = page.follows[row]

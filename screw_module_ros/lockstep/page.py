@@ -14,6 +14,7 @@ import mmap
 import os
 import platform
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,21 @@ class Page:
     end_pid, channel, ...: one row per end of a bus, topic or service (see `End`).
     """
 
+    user_pid: memoryview[int]
+    thread_pid: memoryview[int]
+    until: memoryview[int]
+    waits: memoryview[int]
+    wake: memoryview[int]
+    asleep: memoryview[int]
+    end_pid: memoryview[int]
+    channel: memoryview[int]
+    sends: memoryview[int]
+    sent: memoryview[int]
+    settled: memoryview[int]
+    taken: memoryview[int]
+    follows: memoryview[int]
+    waiter: memoryview[int]
+
     def __init__(self, name: str):
         """Open the page called `name`, or create it. Raises OSError."""
         self.path = _FOLDER / f"screw_module_ros_{os.getuid()}_{name}"
@@ -114,7 +130,7 @@ class Page:
         self.header[0] = _VERSION
 
     @contextmanager
-    def locked(self):
+    def locked(self) -> Iterator[None]:
         """Lock the page: one thread of one process at a time takes and returns rows."""
         with self._lock:
             fcntl.flock(self._file, fcntl.LOCK_EX)

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import math
 
+from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
-from ..control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
+from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_feedback, uses_observer
 from ..control.slot import SlotLimits
 from ..control.vertical import (
     VerticalInput,
@@ -20,10 +21,11 @@ from ..safety.checks import Agreement, AgreementSettings, ForceLike, VerticalChe
 from ..safety.latch import Age
 from ..safety.timing import DeadlineMeter
 from ..samples import EncoderReading
-from .inputs import Guide, SetpointInput
+from .inputs import Guide, Lease, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
+LAPSED = "excitation: its sender has fallen silent, and with it the trial ends"
 NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
 
@@ -34,7 +36,8 @@ class VerticalController:
     step. wanted: the set point, height only. guide: the slot, if there is one. fault: what is
     latched. answered: newest sample turned into a command, None before the first. handle_force:
     newest accepted one [N]. meter: latency from a sample to its command. reason: why the force is
-    zero, empty if it is not. A fault while the amplifier is on or a force is commanded stays
+    zero, empty if it is not. lease: of a trial; where it lapses while torque may act, that is a
+    fault. A fault while the amplifier is on or a force is commanded stays
     latched until `reset`; any other fault ends with its cause.
     """
 
@@ -56,6 +59,8 @@ class VerticalController:
         self.handle_force = 0.0
         self.wanted = SetpointInput(axes=1)
         self.guide = Guide(slot_limits)
+        self.lease = Lease()
+        self._excited = Excited()
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)
         self._friction = friction
@@ -89,20 +94,43 @@ class VerticalController:
         slot = self.guide.guidance(
             sample.position, 0.0, sample.velocity, 0.0, now_ns, elapsed_ns * 1e-9
         )
+        active = not self.reason and self._enabled is True
+        excites = self.mode == EXCITATION
         inp = VerticalInput(
             self.mode,
             sample.position,
             sample.velocity,
             self.handle_force,
-            *self.wanted.at(now_ns),
-            not self.reason and self._enabled is True,
+            *self.wanted.at(now_ns, active),
+            active and not excites,
             slot.force_x,
             slot.weight,
         )
         self.output = vertical_step(
             self.settings, self._friction, self.state, inp, elapsed_ns * 1e-9
         )
+        if excites:
+            self.output = self.output._replace(force=self._excitation(sample, active))
         return self.output
+
+    def _excitation(self, sample: EncoderReading, active: bool) -> float:
+        force, wrong = excitation_step(
+            self.lease.request, self._excited, sample.sequence, sample.position,
+            1e9 / self._period_ns, active,
+        )  # fmt: skip
+        self.fault.set(wrong)
+        self._keep_fault()
+        return force
+
+    def excite(self, request: Excitation, now_ns: int) -> None:
+        """Take a trial's request; its lease begins only while no torque passes."""
+        if self.lease.held or not self._enabled:
+            self.lease.renew(request, now_ns)
+
+    @property
+    def may_act(self) -> bool:
+        """Whether the drive is enabled, or a force is commanded."""
+        return self._enabled is True or self.output.force != 0.0
 
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
         """Process the drive's report: torque on or off, travel of the nut [m]."""
@@ -164,6 +192,8 @@ class VerticalController:
         self._check(now_ns)
 
     def _check(self, now_ns: int) -> None:
+        if self.lease.check(now_ns) and self.may_act:
+            self.fault.set(LAPSED)
         self.reason = self._checks.check(now_ns) or self._missing_force()
         self._keep_fault()
 
@@ -178,6 +208,6 @@ class VerticalController:
 
     def _keep_fault(self) -> None:
         """Record a fault in operation at once, before it switches the amplifier off."""
-        if self.faulted and (self._enabled or self.output.force != 0.0):
+        if self.faulted and self.may_act:
             self._must_reset = True
         self.reason = self.reason or self.fault.reason

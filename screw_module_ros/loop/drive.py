@@ -13,12 +13,21 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ..can_io.port import Port
-from ..control.torque_chain import COLD, TorqueChain, commanded, commanded_torque, followed
+from ..control.modes import ALL_NAMES, EXCITATION, OFF
+from ..control.torque_chain import (
+    COLD,
+    TorqueChain,
+    commanded,
+    commanded_torque,
+    excitation_chain,
+    followed,
+    largest_command,
+)
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
 from ..safety.checks import Stream, command_problem
 from ..safety.latch import Latch
-from ..safety.permit import Permit, PermitSettings
+from ..safety.permit import CLOSED, Permit, PermitSettings
 from ..safety.timing import DeadlineMeter, empty_histogram, note_latency
 from .requests import Requests
 from .ticker import Tick
@@ -48,7 +57,9 @@ class VerticalDrive:
     The driver latches errors of the bus, and state and diagnostics show them; the loop continues
     with its other work.
 
-    period_ns: between commands. permit: its gate. chain: from force to torque. missed_limit:
+    period_ns: between commands. permit: its gate. chain: from force to torque, of the laws; mode
+    EXCITATION has `excitation_chain`, for as long as the gate that `ready` prepared is open.
+    missed_limit:
     deadlines missed in a row that stop the torque. heat: of the motor at the start [Nm^2]. asked:
     the last force command [N]. meter: latency from the sample behind a command to its write; own:
     histogram of this process's part of it. skipped: ticks that an overrun skipped.
@@ -75,7 +86,10 @@ class VerticalDrive:
         self._port, self._clock = port, port.clock
         self._fault = Latch()  # of the commands
         self._commands = Stream("force command", period_ns, self._fault)
-        self._chain = chain
+        self._laws, self._excitation = chain, excitation_chain(chain)
+        self._prepared = self._chain = chain
+        self._mode = OFF
+        self._phase = CLOSED
         self._force = self._followed = 0.0
         self._heat = heat
         self._written_ns = self._pumped_ns = 0
@@ -97,6 +111,15 @@ class VerticalDrive:
         elapsed = max(1e-6, (now_ns - self._written_ns) * 1e-9)
         return commanded_torque(self._chain, self._heat, 0.0, elapsed)[1]
 
+    def ready(self) -> float:
+        """Prepare the next opening of the gate for the newest command's mode, before the request.
+
+        Returns the largest torque command [Nm] of that mode.
+        """
+        if self.permit.phase == CLOSED:
+            self._prepared = self._excitation if self._mode == EXCITATION else self._laws
+        return largest_command(self._prepared)
+
     # One period ----------------------------------------------------------------------------
 
     def begin(self, tick: Tick) -> None:
@@ -116,16 +139,18 @@ class VerticalDrive:
                     return
                 self._pump(tick.monotonic_ns, until_ns)
 
-    def act(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> None:
+    def act(
+        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF
+    ) -> None:
         """Turn a command [N] into torque at once.
 
         sequence, monotonic_ns: of the sample behind it; now_ns: when the sample or command came
-        [ns].
+        [ns]; mode: of the controller, constant of `modes`.
         """
         # Torque first: the status read last time is one period old, ten are allowed.
         self.asked = force
         with suppress(DeviceError):
-            if self.command(sequence, monotonic_ns, force, now_ns):
+            if self.command(sequence, monotonic_ns, force, now_ns, mode):
                 done_ns = self._clock.now_ns()
                 self.meter.tick(sequence, monotonic_ns, done_ns)
                 note_latency(self.own, done_ns - now_ns)
@@ -155,7 +180,9 @@ class VerticalDrive:
 
     # From force to torque ------------------------------------------------------------------
 
-    def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
+    def command(
+        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF
+    ) -> bool:
         """Write a force command [N]; return whether it was plausible and new. Raises DeviceError.
 
         Zero torque is always written, whatever fault exists.
@@ -169,6 +196,7 @@ class VerticalDrive:
             self._commands.restart()
         accepted = newer and not implausible
         if accepted:
+            self._mode = mode
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
             self._write(0.0, now_ns)
@@ -183,9 +211,28 @@ class VerticalDrive:
         if now_ns - self._written_ns >= 2 * self._period_ns:
             self._write(self._force, now_ns)
 
+    def _fits_the_gate(self) -> bool:
+        """Latch a fault when the mode is another than that for which the gate was opened."""
+        if self._phase == CLOSED:
+            return True
+        excites = self._chain is self._excitation
+        if excites == (self._mode == EXCITATION):
+            return True
+        opened = "for mode EXCITATION" if excites else "for the laws"
+        self.permit.fault.set(
+            f"force command: mode {ALL_NAMES.get(self._mode, self._mode)}, the torque was enabled "
+            f"{opened}: disable before the mode changes"
+        )
+        return False
+
     def _write(self, force: float, now_ns: int) -> None:
-        self._force = force
+        self._force = force = force if self._fits_the_gate() else 0.0
         scale = self.permit.step(self._commands.monotonic_ns, now_ns)
+        if self.permit.phase == CLOSED:
+            self._chain = self._laws
+        elif self._phase == CLOSED:
+            self._chain = self._prepared
+        self._phase = self.permit.phase
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
         elapsed = max(elapsed, 1e-6)

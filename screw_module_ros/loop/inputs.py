@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What games and therapy sessions ask of the control loops: a set point, a slot.
+"""What games, therapy sessions and trials ask of the control loops: a set point, a slot, a lease.
 
-The velocity of a set point expires after `MOVING_NS`; its position stays valid. A slot that is not
-requested again within `RENEWED_NS` fades out.
+The velocity of a set point expires after `MOVING_NS`. Its position stays valid while it acts; while
+it does not, it is forgotten after `KEPT_NS`, or it would pull at the next enabling. A slot that is
+not requested again within `RENEWED_NS` fades out, a lease that is not renewed lapses.
 """
 
 from __future__ import annotations
@@ -10,11 +11,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..control.excitation import NOTHING, Excitation
 from ..control.slot import OPEN, Slot, SlotInput, SlotLimits, initial_state, slot_step
 from ..safety.latch import Age
 
 MOVING_NS = 200_000_000
 RENEWED_NS = 300_000_000
+KEPT_NS = 1_000_000_000
 _NO_SLOT = Slot()
 
 
@@ -22,17 +25,23 @@ class SetpointInput:
     """The newest set point of some axes; NaN until one was given."""
 
     def __init__(self, axes: int):
-        self._position = (math.nan,) * axes
+        self._position = self._none = (math.nan,) * axes
         self._velocity = self._rest = (0.0,) * axes
-        self._moving = Age(MOVING_NS)
+        self._moving, self._kept = Age(MOVING_NS), Age(KEPT_NS)
 
     def ask(self, position: tuple[float, ...], velocity: tuple[float, ...], now_ns: int) -> None:
         """Set the set point: position [m], NaN = leave that axis alone, and velocity [m/s]."""
         self._position, self._velocity = position, velocity
         self._moving.note(now_ns)
+        self._kept.note(now_ns)
 
-    def at(self, now_ns: int) -> tuple[float, ...]:
-        """Return positions [m], then velocities [m/s], which are zero once they expired."""
+    def at(self, now_ns: int, acts: bool) -> tuple[float, ...]:
+        """Return positions [m], then velocities [m/s], which are zero once they expired.
+
+        acts: whether the law may give force. Who gave a set point before may be gone when it does.
+        """
+        if not acts and not self._kept.fresh(now_ns):
+            self._position = self._none
         return (*self._position, *(self._velocity if self._moving.fresh(now_ns) else self._rest))
 
 
@@ -78,3 +87,32 @@ class Guide:
         inp = SlotInput(x, y, vx, vy, present, self._slot or _NO_SLOT, since)
         output, self._state = slot_step(self.limits, self._state, inp, dt)
         return Guidance(output.force_x, output.force_y, output.weight)
+
+
+class Lease:
+    """A trial's hold on the controller, as long as its sender repeats the request.
+
+    request: the newest one. held: from the first request until `end`, so that whoever keeps what
+    the trial has changed can put it back. lapsed: no request for `RENEWED_NS`; only `end`, then
+    another request, begin anew.
+    """
+
+    def __init__(self) -> None:
+        self.request = NOTHING
+        self.held = self.lapsed = False
+        self._asked = Age(RENEWED_NS)
+
+    def renew(self, request: Excitation, now_ns: int) -> None:
+        """Take a request, which came at now_ns [ns]; a lapsed lease takes none."""
+        if not self.lapsed:
+            self.request, self.held = request, True
+            self._asked.note(now_ns)
+
+    def check(self, now_ns: int) -> bool:
+        """Return whether the lease has lapsed by now_ns [ns]."""
+        self.lapsed = self.lapsed or self.held and not self._asked.fresh(now_ns)
+        return self.lapsed
+
+    def end(self) -> None:
+        """End it: what the trial has changed is put back."""
+        self.request, self.held, self.lapsed = NOTHING, False, False

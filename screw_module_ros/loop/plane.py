@@ -302,13 +302,14 @@ class Plane:
         self._measure(max(1, round(elapsed_ns / self._period_ns)))
         self._check_frozen()
         shoulder, elbow = self.joints
+        acts = self.homed and self.permit.enabled
         inp = PlanarInput(
             shoulder.angle,
             elbow.angle,
             shoulder.velocity,
             elbow.velocity,
-            *self.wanted.at(now_ns),
-            self.homed and self.permit.enabled,
+            *self.wanted.at(now_ns, acts),
+            acts,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
         self.output = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)

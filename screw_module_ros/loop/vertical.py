@@ -12,11 +12,12 @@ process, a wire (`Wires`: a topic) replaces the call.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from ..clock import Clock
 from ..control.vertical import VerticalOutput
 from ..samples import EncoderReading, ForceReading
+from .controller import VerticalController
 from .drive import Permission, VerticalDrive
 from .sensor import PolledSensor
 from .ticker import BACK_OFF_S, Ticker
@@ -27,41 +28,12 @@ _FORCE_WAIT = 0.1  # of a period: the wait for the force sample of the same tick
 _TRY_AGAIN = 64  # periods between such waits while the sample is always late
 
 
-class Controller(Protocol):
-    """Turns samples into a force: `controller.VerticalController`, or another in its place.
-
-    answered: newest sample turned into a command. mode: as in ForceCommand. An output has `force`
-    [N].
-    """
-
-    answered: EncoderReading | None
-    mode: int
-
-    def on_force(self, sample: ForceReading, now_ns: int) -> None:
-        """Process a force sample."""
-
-    def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
-        """Return the force for an encoder sample, None if it is not usable."""
-
-    def idle(self, now_ns: int) -> VerticalOutput | None:
-        """Return zero force when samples stop while a force is commanded, else None."""
-
-    def count(self, now_ns: int) -> None:
-        """Count the newest sample as answered."""
-
-    def end_tick(self, now_ns: int) -> None:
-        """End the period."""
-
-
 class Parts(NamedTuple):
-    """The parts of the loop; None: in another process, or not active.
-
-    With a drive in this process the controller is a `VerticalController`, which needs its state.
-    """
+    """The parts of the loop; None: in another process, or not active."""
 
     encoder: PolledSensor[EncoderReading] | None = None
     force_sensor: PolledSensor[ForceReading] | None = None
-    controller: Controller | None = None
+    controller: VerticalController | None = None
     drive: VerticalDrive | None = None
 
 
@@ -73,15 +45,16 @@ class Wires(NamedTuple):
     """The connections to other processes.
 
     take_sample, take_force, take_command: wait until a time [ns] and return the newest message, or
-    None; a command is sequence, acquisition time [ns] and force [N]. publish_sample, publish_force,
-    publish_command: called with each reading and each command. read_inputs: passes the controller
-    its other inputs at a time [ns]: set point, drive, resets. permission: see `drive`.
+    None; a command is sequence, acquisition time [ns], force [N] and mode. publish_sample,
+    publish_force, publish_command: called with each reading and each command. read_inputs: passes
+    the controller its other inputs at a time [ns]: set point, drive, resets. permission: see
+    `drive`.
     publish_controller_state, publish_drive_state: called with a time [ns]; they publish when due.
     """
 
     take_sample: Callable[[int], EncoderReading | None] = _unconnected
     take_force: Callable[[int], ForceReading | None] = _unconnected
-    take_command: Callable[[int], tuple[int, int, float] | None] = _unconnected
+    take_command: Callable[[int], tuple[int, int, float, int] | None] = _unconnected
     publish_sample: Callable[[EncoderReading], None] = _unconnected
     publish_force: Callable[[ForceReading], None] = _unconnected
     publish_command: Callable[[EncoderReading, VerticalOutput, int], None] = _unconnected
@@ -141,7 +114,7 @@ class VerticalLoop:
             if sensor:
                 sensor.end()
 
-    def _one_sample(self, controller: Controller) -> None:
+    def _one_sample(self, controller: VerticalController) -> None:
         sample, force = self._received()
         now_ns = self._clock.now_ns()
         parts = Parts(controller=controller)
@@ -236,7 +209,9 @@ class VerticalLoop:
         """Send the force to the drive, in this process or another."""
         behind = parts.controller.answered
         if parts.drive:
-            parts.drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns)
+            parts.drive.act(
+                behind.sequence, behind.monotonic_ns, output.force, now_ns, parts.controller.mode
+            )
         else:
             self._wires.publish_command(behind, output, parts.controller.mode)
 
@@ -246,7 +221,8 @@ class VerticalLoop:
         while clock.now_ns() < due_ns:
             command, now_ns = self._wires.take_command(due_ns), clock.now_ns()
             if command is not None:
-                drive.act(*command, now_ns)
+                sequence, monotonic_ns, force, mode = command
+                drive.act(sequence, monotonic_ns, force, now_ns, mode)
             elif now_ns < due_ns:
                 clock.sleep_until(min(due_ns, now_ns + round(BACK_OFF_S * 1e9)))
 

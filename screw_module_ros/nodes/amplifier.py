@@ -13,7 +13,7 @@ from screw_module_ros.calibration.selection import (
     LinearizationSettings,
     chosen_linearization,
 )
-from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import IDENTITY
 from screw_module_ros.control.torque_chain import COLD, TorqueChain, largest_command
 from screw_module_ros.devices import drive_group
@@ -33,7 +33,8 @@ from .support.states import Due, Health, fill_amplifier, latency_values, timing_
 from .support.topics import offered, requested
 from .support.wire import Command
 
-_TRIALS = "characterize"  # the node that sets limits for torque trials, and restores them
+_NEXT_COMMANDS, _COMMANDS_S = 2, 0.05
+_AT_REST_S = 1.0  # in which a drive that is being disabled has come to rest
 
 
 class AmplifierSettings(NamedTuple):
@@ -60,7 +61,6 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
         self.part: VerticalDrive | None = None
-        self._rate_at_start = self.parameters.read(CommandLimits).command_rate
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -80,7 +80,8 @@ class AmplifierNode(DriveNode):
             linearization or IDENTITY,
             settings.rated_torque,
         )
-        largest = min(settings.max_torque, largest_command(self._chain))
+        self._max_torque = settings.max_torque
+        largest = min(self._max_torque, largest_command(self._chain))
         settings = settings._replace(max_torque=largest)
         port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
         make = load(settings.profile, DRIVE)
@@ -149,24 +150,25 @@ class AmplifierNode(DriveNode):
 
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
-        return self._left_by_a_trial() or super().enable()
+        return self._tell_limit() or super().enable()
 
-    def _left_by_a_trial(self) -> str:
-        """Return a message if the wide limits of a torque trial are in force without the trial.
+    def _tell_limit(self) -> str:
+        """Tell the drive its own limit for the mode that is to be enabled; return why not.
 
-        A killed `characterize` cannot restore them. Its last command is too old after 5 periods;
-        from then on only an enabling could give these limits to another sender.
+        Its own limit of the laws is less than a trial needs, and must be back after it.
         """
-        rate = self.parameters.read(CommandLimits).command_rate
-        if rate < TRIAL_RATE or rate == self._rate_at_start:
+        clock, permit, counted = self.clock, self.permit, self.part.meter
+        before = counted.samples
+        # A mode that was just set comes with the next commands.
+        clock.wait_for(lambda: counted.samples > before + _NEXT_COMMANDS, _COMMANDS_S)
+        (drive,) = self.drives
+        largest = min(self._max_torque, self.part.ready())
+        if largest == drive.told_limit:
             return ""
-        topic = self.resolve_topic_name(graph.FORCE_COMMAND)
-        if {sender.node_name for sender in self.get_publishers_info_by_topic(topic)} == {_TRIALS}:
-            return ""
-        return (
-            f"command_rate has the value of a torque trial, and {_TRIALS} does not command (its "
-            "process was killed?): start amplifier and impedance_controller anew"
-        )
+        if not clock.wait_for(lambda: permit.at_rest(clock.now_ns()), _AT_REST_S):
+            return "the drive is not off yet: disable it first"
+        drive.limit(largest)
+        return ""
 
     @property
     def permit(self) -> Permit:

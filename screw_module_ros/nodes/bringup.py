@@ -189,26 +189,20 @@ class Process:
     def stop(self) -> int:
         """Send SIGTERM, then SIGINT, then SIGKILL, with a wait after each; return the exit code.
 
-        A node that finished its work and then hangs in Fast DDS counts as a normal end, and so does
-        one that SIGTERM ends while it imports; SIGINT would print a traceback there, or get lost.
+        One that SIGTERM ends while it imports counts as a normal end; SIGINT would print a
+        traceback there, or get lost.
         """
         running = self._process.poll() is None
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGKILL):
             if self._process.poll() is None:
                 self._process.send_signal(number)
             try:
-                code = self._ended(self._process.wait(_POLITE_S))
+                code = self._process.wait(_POLITE_S)
                 return 0 if running and code == -signal.SIGTERM else code
             except subprocess.TimeoutExpired:
                 click.echo(f"bringup: {self.name} ignored {number.name}", err=True)
                 self._process.send_signal(DUMP_STACKS)
         return self._process.wait()
-
-    def _ended(self, code: int) -> int:
-        if code != -signal.SIGALRM:
-            return code
-        click.echo(f"bringup: {self.name} had finished but hung in Fast DDS", err=True)
-        return 0
 
 
 def executable_path(name: str) -> str:

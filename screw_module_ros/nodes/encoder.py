@@ -61,7 +61,8 @@ class EncoderNode(SensorNode):
         device = self.device
         cleared = bool(device.fault) or device.silent
         if cleared:
-            device.clear_fault()
+            device.clear_fault()  # takes seconds: the drive may have been enabled meanwhile
+            self._torque_off.check("would pull to another place")
         try:
             return self.part.requests.ask(
                 lambda: Done(f"homed at {device.home():g} m"), self.clock

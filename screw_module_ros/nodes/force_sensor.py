@@ -9,7 +9,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.devices import ati_net
+from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import ForceReading
@@ -51,7 +51,7 @@ class ForceSensorNode(SensorNode):
         """Find the sensor and read its calibration."""
         settings = self.parameters.read(ForceSensorSettings)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
-        self.add_device(ati_net.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
+        self.add_device(force_sensors.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))

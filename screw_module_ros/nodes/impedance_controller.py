@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
-from screw_module_msgs.msg import ImpedanceState
+from screw_module_msgs.msg import ExcitationRequest, ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
@@ -21,8 +21,15 @@ from screw_module_ros.calibration.selection import (
     chosen_certificate,
     chosen_friction,
 )
+from screw_module_ros.control.excitation import Excitation, from_numbers
 from screw_module_ros.control.guard import guarded
-from screw_module_ros.control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
+from screw_module_ros.control.modes import (
+    ALL_NAMES,
+    EXCITATION,
+    OFF,
+    uses_feedback,
+    uses_observer,
+)
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -56,6 +63,12 @@ _UNCERTIFIED = (
     "this mode feeds the handle's force back, and the module has no certificate: "
     "run stability and delivered_impedance, or set uncertified_gains on your own word"
 )
+_NO_LEASE = (
+    "mode EXCITATION is a trial's, whose sender repeats its ExcitationRequest while the torque is "
+    "off: run an experiment of `characterize`"
+)
+_NOT_NOW = "mode EXCITATION does not begin or end while the torque is on: disable it first"
+_PUT_BACK_S = 0.1
 _ONE_SENDER = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
@@ -64,7 +77,8 @@ class ControllerSettings(NamedTuple):
 
     mode: Annotated[
         int, Setting("control mode: 0 OFF, 1 IMPEDANCE, 2 FRICTION_COMPENSATION, "
-                     "3 FORCE_FEEDBACK, 4 COMBINED, 5 OBSERVER", choices=tuple(MODE_NAMES),
+                     "3 FORCE_FEEDBACK, 4 COMBINED, 5 OBSERVER, 6 EXCITATION (trials only)",
+                     choices=tuple(ALL_NAMES),
                      live=True)
     ] = 1
     friction_file: Annotated[
@@ -95,6 +109,8 @@ class ImpedanceControllerNode(Node):
         self._friction: ChosenFriction | None = None
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None
+        self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
+        self.periodic.every(self.clock, _PUT_BACK_S, self._end_lease)
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -122,6 +138,7 @@ class ImpedanceControllerNode(Node):
         self._take_force = self._force_inbox.subscribe(*requested(graph.FORCE), wakes=True)
         self._take_setpoint = take(*requested(graph.SETPOINT))
         self._slot = SlotInbox(self._sample_inbox, vertical=True)
+        self._take_excitation = take(*requested(graph.EXCITATION))
         self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
         self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
 
@@ -187,6 +204,7 @@ class ImpedanceControllerNode(Node):
         """Send a last zero, so that the amplifier does not continue with the last force."""
         if self.part is not None and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
+        self._put_back()
 
     def disconnect(self) -> None:
         """No certificate holds any more."""
@@ -195,9 +213,23 @@ class ImpedanceControllerNode(Node):
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the law cannot run with these parameters, or goes beyond the certificate."""
         law = self.parameters.read(VerticalSettings, changes=changes)
-        return self._problem(law, self.parameters.read(ControllerSettings, changes=changes).mode)
+        mode = self.parameters.read(ControllerSettings, changes=changes).mode
+        if self._may_act and mode != self.part.mode and EXCITATION in (mode, self.part.mode):
+            return _NOT_NOW
+        return self._problem(law, mode)
+
+    @property
+    def _may_act(self) -> bool:
+        return self.active and self.part.may_act
+
+    def fixed(self, kind: type) -> bool:
+        """Let a trial, which has a lease, have any law while no torque acts."""
+        leased = kind is VerticalSettings and self._before_trial and not self._may_act
+        return super().fixed(kind) and not leased
 
     def _problem(self, law: VerticalSettings, mode: int) -> str:
+        if mode == EXCITATION and not self._before_trial:
+            return _NO_LEASE
         certified = self.parameters.read(CertificateSettings)
         if certified.uncertified_gains:
             return law.refusal(mode)
@@ -247,11 +279,44 @@ class ImpedanceControllerNode(Node):
         wanted = self._take_setpoint()
         if wanted is not None:
             controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
+        request = self._take_excitation()
+        if request is not None:
+            self._excite(request, now_ns)
         state = self._take_amplifier()
         if state is not None:
             controller.on_drive(state.enabled, state.position, now_ns)
         if self._senders.warning:
             controller.set_fault(self._senders.warning)
+
+    def _excite(self, request: ExcitationRequest, now_ns: int) -> None:
+        """Take a trial's request; with the first one, note what is put back at the end."""
+        linearization = from_numbers(request.linearization) if request.linearized else None
+        wanted = Excitation(
+            request.id, request.amplitude, request.frequency, request.ticks, linearization
+        )
+        controller = self.part
+        if refused := wanted.refusal(1e9 / self._period_ns):
+            controller.set_fault(f"excitation: {refused}" if controller.lease.held else "")
+            return
+        begins = not controller.lease.held
+        controller.excite(wanted, now_ns)
+        if begins and controller.lease.held:
+            law = self.parameters.read(VerticalSettings)
+            self._before_trial = {**law._asdict(), "mode": controller.mode}
+
+    def _end_lease(self) -> None:
+        """Put back what a trial has changed when its lease has lapsed and no torque acts."""
+        if self._before_trial and self.part.lease.lapsed and not self._may_act:
+            self._put_back()
+
+    def _put_back(self) -> None:
+        if not self._before_trial:
+            return
+        if refused := self.parameters.write(**self._before_trial):
+            self.get_logger().error(f"settings before the trial not put back: {refused}")
+            return
+        self._before_trial = {}
+        self.part.lease.end()
 
     def publish_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""
@@ -279,7 +344,7 @@ class ImpedanceControllerNode(Node):
     def _set_mode(self, request: SetControlMode.Request) -> str:
         refused = self.parameters.write(mode=request.mode)
         mode = self.parameters.read(ControllerSettings).mode
-        return refused or Done(f"mode {mode}, {MODE_NAMES[mode]}")
+        return refused or Done(f"mode {mode}, {ALL_NAMES[mode]}")
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
@@ -287,7 +352,7 @@ class ImpedanceControllerNode(Node):
         values = {
             **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
-            "mode": MODE_NAMES[controller.mode],
+            "mode": ALL_NAMES[controller.mode],
             "calibration": state.calibration,
             "certificate": self._certificate.identity if self._certificate else "none",
             "slot refused": self._slot.refused or "no",
@@ -298,7 +363,7 @@ class ImpedanceControllerNode(Node):
             return Health(WARN, guarded(controller.output.share), values)
         if warning := broken_contract(state):
             return Health(WARN, warning, values)
-        return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
+        return Health(OK, f"running in {ALL_NAMES[controller.mode]}", values)
 
     def _age_text(self, now_ns: int) -> str:
         sample = self.part.answered

@@ -129,8 +129,7 @@ class SupervisorNode(Node):
 
         An end by an error is none: its latched stop outlives the process.
         """
-        in_order = self.stopping.is_set() and not self.service.failed
-        if in_order and self.phase in (INACTIVE, ACTIVE):
+        if self.in_order and self.phase in (INACTIVE, ACTIVE):
             with self._changing:  # at a graph's end the last node sees the others missing
                 self._keep(self._state._replace(latched=()))
 

@@ -14,10 +14,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from screw_module_msgs.msg import (
     AmplifierState,
     EncoderSample,
@@ -318,6 +320,14 @@ class Client:
             elif not answered.wait(_POLL_NS * 1e-9) and self.clock.simulated:
                 self.clock.sleep_until(now_ns + _POLL_NS)  # its node may need time for the answer
         return future.result()
+
+    def parameters(self, node: str, names: Iterable[str]) -> dict[str, Any]:
+        """Return parameters of a node by name, without undeclared ones. Raises RobotError."""
+        names = list(names)
+        request = GetParameters.Request(names=names)
+        values = self.call(GetParameters, f"{node}/get_parameters", request).values
+        found = zip(names, map(parameter_value_to_python, values), strict=False)
+        return {name: value for name, value in found if value is not None}
 
     def _announced(self, kind: type, service: str) -> End | None:
         """Make a request hold simulated time until its node has it; return the answer's end.

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ..graph import ENCODER_DECIMATED, TOPICS
 from .bag import Topic
@@ -170,7 +170,7 @@ def tick_of(data: bytes, after_header: bool) -> int:
     Four bytes of encapsulation come first, then the stamp (8), then for a header the frame's length
     (4) and text; the number is aligned to 4 from the end of the encapsulation.
     """
-    order = "little" if data[1:2] and data[1] & 1 else "big"
+    order: Literal["little", "big"] = "little" if data[1:2] and data[1] & 1 else "big"
     text = int.from_bytes(data[12:16], order) if after_header else 0
     start = 16 + (text + 3 & ~3) if after_header else 12
     return int.from_bytes(data[start : start + 4], order)

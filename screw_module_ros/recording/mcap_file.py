@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple, cast
 
 from mcap.writer import Writer
 
@@ -42,7 +42,8 @@ class McapFile:
         self.size = self.safe = self.messages = 0
         self.begin = self.end = NO_TIME
         self.schemas: dict[tuple[str, str], int] = {}
-        self.writer = Writer(self, chunk_size=chunk_size)
+        # It calls `write`, `tell` and `flush`.
+        self.writer = Writer(cast(IO[bytes], self), chunk_size=chunk_size)
 
     def tell(self) -> int:
         """Return the size; `Writer` asks."""

@@ -34,9 +34,9 @@ _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _FOOTER = struct.Struct("<BQQQI")  # the same, start of the index and of its offsets, checksum
 _TAIL = _FOOTER.size + len(_MAGIC)
-_DECLARATIONS = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
-_NOTES = {Opcode.METADATA: Metadata}
-_DATA = {
+_DECLARATIONS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
+_NOTES: dict[int, Any] = {Opcode.METADATA: Metadata}
+_DATA: dict[int, Any] = {
     Opcode.HEADER: Header, Opcode.CHUNK: Chunk, Opcode.STATISTICS: Statistics, **_NOTES
 }  # fmt: skip
 

@@ -14,6 +14,7 @@ from screw_module_ros.profiles import (
     GENERIC_406,
     NET_PROTOCOL,
     NETCANOEM,
+    NETCANOEM_PROTOCOL,
     Profile,
     load,
 )
@@ -31,6 +32,9 @@ BUSES = ("encoder", "drive", "force_sensor", "planar")
 _VERTICAL_COUNTS_PER_TURN = 20_000
 _PLANAR_COUNTS_PER_TURN = 65_536
 """9.587e-5 rad a count."""
+
+SENSORS = {NETCANOEM_PROTOCOL: SimulatedForceSensor, NET_PROTOCOL: SimulatedNetSensor}
+"""The simulated force sensors, by protocol."""
 
 Device = SimulatedEncoder | SimulatedDrive | SimulatedForceSensor
 
@@ -91,8 +95,7 @@ def build_devices(
     if "force_sensor" in ports:
         link = Link(ports["force_sensor"], "force_sensor")
         protocol = load(settings.sensor_profile, FORCE_SENSOR).force_sensor.protocol
-        sensor = SimulatedNetSensor if protocol == NET_PROTOCOL else SimulatedForceSensor
-        yield sensor(link, settings.sensor_base, physics)
+        yield SENSORS[protocol](link, settings.sensor_base, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):

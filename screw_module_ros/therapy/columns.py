@@ -47,6 +47,13 @@ class Trial:
         """Samples of the movement, None without one."""
         return moving(self.all_speed, self.rate) if self.rate > 0.0 else None
 
+    @property
+    def movement(self) -> slice:
+        """Samples of the movement. Raises ValueError without one."""
+        if self.cut is None:
+            raise ValueError("the hand did not move in this trial")
+        return self.cut
+
     @cached_property
     def all_speed(self) -> np.ndarray:
         """Speed of all samples on the axes of the line's space [m/s]."""
@@ -55,12 +62,12 @@ class Trial:
     @cached_property
     def speed(self) -> np.ndarray:
         """Speed of the movement [m/s]."""
-        return self.all_speed[self.cut]
+        return self.all_speed[self.movement]
 
     @cached_property
     def path(self) -> np.ndarray:
         """Positions of the movement [m], shape (samples, 3)."""
-        return np.array([self.on_axes(s.position) for s in self.samples[self.cut]])
+        return np.array([self.on_axes(s.position) for s in self.samples[self.movement]])
 
     @cached_property
     def ends(self) -> tuple[Point, Point]:
@@ -75,10 +82,10 @@ class Trial:
     @cached_property
     def work(self) -> tuple[float, float]:
         """Work of the patient and of the robot [J]."""
-        samples, axes = self.samples[self.cut], AXES[self.line.space]
+        samples, axes = self.samples[self.movement], AXES[self.line.space]
         force = np.array([[s.force[a] for a in axes] for s in samples])
         velocity = np.array([[s.velocity[a] for a in axes] for s in samples])
-        return work_done(force, velocity, self.times[self.cut])
+        return work_done(force, velocity, self.times[self.movement])
 
     @cached_property
     def during(self) -> list[HandSample]:

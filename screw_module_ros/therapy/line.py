@@ -31,7 +31,8 @@ class Line(NamedTuple):
 
     def gone(self, point: Point) -> float:
         """Return a point's distance from the start along the line [m]."""
-        return self.along(tuple(p - s for p, s in zip(point, self.start, strict=True)))
+        x, y, z = (p - s for p, s in zip(point, self.start, strict=True))
+        return self.along((x, y, z))
 
     def off(self, point: Point) -> float:
         """Return the square of a point's distance from the line [m^2]."""

@@ -83,7 +83,9 @@ class Measure(NamedTuple):
         What only trials with a movement have, is NaN where the hand did not move.
         """
         missing = trial.cut is None and set(self.kinds) <= set(MOVED)
-        return math.nan if missing or trial.kind not in self.kinds else self.of(trial)
+        if missing or trial.kind not in self.kinds or self.of is None:
+            return math.nan
+        return self.of(trial)
 
 
 MOVED, LINED = (REACH, CIRCLE, RESISTED), (REACH, RESISTED)
@@ -124,7 +126,8 @@ MEASURES = (
         f"Time {_MOVEMENT}.",
     ),
     Measure(
-        "time_to_start", "time to start", "s", 1.0, MOVED, lambda t: float(t.times[t.cut.start]),
+        "time_to_start", "time to start", "s", 1.0, MOVED,
+        lambda t: float(t.times[t.movement.start]),
         "From the display of the target to the movement's first sample.",
     ),
     Measure(

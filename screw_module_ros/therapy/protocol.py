@@ -66,7 +66,7 @@ class Targets(NamedTuple):
     """
 
     layout: Annotated[str, Setting("clock, column or centre", choices=LAYOUTS)]
-    count: Annotated[int, Setting("number of targets on the clock", "", 1, 16)] = 8
+    count: Annotated[int, Setting("number of targets on the clock", "", 1, 16)] = 8  # type: ignore[assignment]
     distance: Annotated[float, Setting("from the centre", "m", 0.01, 0.2)] = 0.14
     rise: Annotated[float, Setting("above and below the centre in turn", "m", 0.0, 0.16)] = 0.0
     rounds: Annotated[int, Setting("visits to all targets in a circuit", "", 1, 50)] = 1

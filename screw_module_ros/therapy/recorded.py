@@ -86,9 +86,9 @@ class Recorded(NamedTuple):
 
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
     """Return sessions by their begins; in the given order if that of one is unknown."""
-    if any(session.begun is None for session in sessions):
-        return list(sessions)
-    return sorted(sessions, key=lambda session: session.begun)
+    begins = {id(session): session.begun for session in sessions}
+    known = {key: begun for key, begun in begins.items() if begun is not None}
+    return sorted(sessions, key=lambda one: known[id(one)]) if known == begins else list(sessions)
 
 
 def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:

@@ -119,7 +119,7 @@ def _again(
             continue
         outcome = session.take(sample)
         used.append(sample)
-        if outcome.change is not None:
+        if outcome.change is not None and outcome.result is not None:
             adapted.append(outcome.change.row(outcome.result["block"]))
     return session, used, adapted
 

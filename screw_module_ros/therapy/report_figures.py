@@ -57,7 +57,8 @@ def outward_paths(recorded: Recorded) -> list[Path]:
     ]  # fmt: skip
     at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
     found = []
-    totals, numbers = Counter(row["assisted"] for row in rows), Counter()
+    totals = Counter(row["assisted"] for row in rows)
+    numbers: Counter[bool] = Counter()
     for row in rows:
         first = at.get(row["first"], len(recorded.samples))
         last = at.get(row["last"], first + row["samples"])
@@ -160,7 +161,7 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
     best = f": {_BEST[name]}" if name in _BEST else ""
     axes.set_title(labelled(name) + best, loc="left")
     axes.set_xlabel("trial")
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
 
 
 def _scale(axes: Axes, name: str) -> None:
@@ -207,6 +208,6 @@ def _steps(axes: Axes, sessions: Sequence[Recorded], name: str, title: str) -> N
             if number + 1 < len(sessions):
                 axes.axvline(offset - 0.5, color=DESIRED, lw=0.8, ls=":")
     axes.margins(y=0.2)
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
     axes.set_title(title, loc="left")
     axes.set_xlabel("change")

@@ -136,7 +136,7 @@ class Session:
             self._movements.append(result)
         upcoming = self._plans[len(self.results)] if len(self.results) < self.trials else None
         ends_block = upcoming is None or upcoming.block != result["block"]
-        if not ends_block and upcoming.circuit == result["circuit"]:
+        if upcoming and not ends_block and upcoming.circuit == result["circuit"]:
             return None
         change = self._end_circuit(result) if self._movements else None
         if ends_block:

@@ -53,10 +53,11 @@ class WishGate:
         elapsed = min(since, _LONGEST)
         ranges = limits.ranges()
         self._last_ns = now_ns
-        self._last = tuple(
+        x, y, z = (
             _moved(asked, last if math.isfinite(last) else here, limits.speed * elapsed, *bounds)
             for asked, last, here, bounds in zip(wish, self._last, hand, ranges, strict=True)
         )
+        self._last = x, y, z
         return self._last
 
     def released(self, hand: Point, now_ns: int) -> Point | None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import pytest
+from scripted import Wire
 
 from screw_module_ros.can_io.load import (
     BusOverload,
@@ -12,13 +13,12 @@ from screw_module_ros.can_io.load import (
     check_load,
     frame_bits,
 )
+from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.drive_setup import drive_traffic
 from screw_module_ros.devices.encoder_setup import EncoderSettings, encoder_traffic
-from screw_module_ros.devices.force_sensor_settings import (
-    ForceSensorSettings,
-    force_sensor_traffic,
-)
+from screw_module_ros.devices.force_sensor import ForceSensor
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 
 
 @pytest.mark.parametrize(("data_bytes", "bits"), [(0, 55), (1, 65), (4, 95), (6, 115), (8, 135)])
@@ -36,21 +36,26 @@ def per_tick(traffic: list[Traffic], rate: float = 1000.0) -> float:
     return bits_per_second(each for each in traffic if each.rate == rate) / rate
 
 
-def _all_three(rate: float) -> list[Traffic]:
+def _all_three(wire: Wire, rate: float, sensor: type = ForceSensor) -> list[Traffic]:
     return [
         *encoder_traffic(EncoderSettings(rate=rate)),
         *drive_traffic(DriveSettings(rate=rate), sync_producer=False),
-        *force_sensor_traffic(ForceSensorSettings(rate=rate)),
+        *sensor(wire.port, ForceSensorSettings(rate=rate)).traffic,
     ]
 
 
-def test_encoder_drive_and_force_sensor_take_685_bits_a_tick():
-    traffic = _all_three(1000.0)
+def test_encoder_drive_and_force_sensor_take_685_bits_a_tick(wire):
+    traffic = _all_three(wire, 1000.0)
     assert per_tick(traffic) == 685
     # 55 SYNC + 95 encoder; 135 + 95 drive; 55 + 135 + 115 force sensor.
     assert [frame_bits(each.data_bytes) for each in traffic if each.rate == 1000.0] == [
         55, 95, 95, 135, 55, 135, 115,
     ]  # fmt: skip
+
+
+def test_a_net_box_has_longer_frames_than_netcanoem(wire):
+    # 65 + 135 + 135 where the other has 55 + 135 + 115.
+    assert per_tick(_all_three(wire, 1000.0, NetForceSensor)) == 685 + 30
 
 
 def test_two_planar_drives_take_52_percent():
@@ -59,7 +64,7 @@ def test_two_planar_drives_take_52_percent():
     assert per_tick(traffic) / 1000 == pytest.approx(0.515)
 
 
-def test_warning_above_80_and_refusal_above_100_percent():
+def test_warning_above_80_and_refusal_above_100_percent(wire):
     quiet = check_load([Traffic("a", 8, 5000)], 1_000_000, "can0")
     assert quiet == (pytest.approx(0.675), "")
     load, text = check_load([Traffic("a", 8, 6000)], 1_000_000, "can0")
@@ -67,7 +72,7 @@ def test_warning_above_80_and_refusal_above_100_percent():
     assert "can0" in text
     assert "81 %" in text
     with pytest.raises(BusOverload, match="13[789] %"):
-        check_load(_all_three(2000.0), 1_000_000, "can0")
+        check_load(_all_three(wire, 2000.0), 1_000_000, "can0")
 
 
 def test_half_rate_plane_still_pays_for_the_whole_sync():

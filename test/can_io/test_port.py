@@ -9,6 +9,7 @@ import can
 import pytest
 from scripted_devices import ScriptedEncoder
 
+from screw_module_ros.can_io import bus
 from screw_module_ros.can_io.bus import BusSettings, open_bus, open_port
 from screw_module_ros.can_io.port import MAX_FRAMES_PER_PUMP, Port
 from screw_module_ros.clock import ManualClock
@@ -96,6 +97,18 @@ def test_foreign_sync_is_counted_where_we_produce_it(wire):
     wire.port.pump()
     assert seen == [wire.now_ns]
     assert wire.port.counters["foreign_sync"] == 1
+
+
+@pytest.mark.parametrize(("interface", "is_heard"), [("socketcan", True), ("gs_usb", False)])
+def test_another_program_of_this_computer_is_a_master_too(wire, monkeypatch, interface, is_heard):
+    """SocketCAN marks its frames as not received; elsewhere these are our own, come back."""
+    monkeypatch.setattr(bus, "_opened", lambda settings, served: wire.bus)
+    port = open_port(BusSettings(interface=interface))
+    frames: list[bytes] = []
+    port.subscribe(0x201, lambda data, arrival: frames.append(bytes(data)))
+    port._dispatch(can.Message(arbitration_id=0x201, data=b"\x0f\0\0\0", is_extended_id=False,
+                               is_rx=False), 1)  # fmt: skip
+    assert frames == ([b"\x0f\0\0\0"] if is_heard else [])
 
 
 def test_own_sync_reaches_the_devices_of_the_port(wire):

@@ -14,6 +14,7 @@ import rows_operator
 import rows_requests
 import rows_sensors
 import rows_therapy
+import rows_trials
 from record import LARGEST_STEP
 from row import EITHER, GOES_ON, OFF, OUTCOMES, VERTICAL_OFF, Row
 
@@ -29,6 +30,7 @@ _FILES = (
     rows_frames,
     rows_requests,
     rows_therapy,
+    rows_trials,
 )
 ROWS: list[Row] = [row for file in _FILES for row in file.ROWS]
 

@@ -156,6 +156,9 @@ ROWS = [
              who=f"{node} refuses, naming it", watch=0.1)
     for node in ("impedance_controller", "manus")
 ] + [
+    _goes_on("set_mode-excitation", fault="impedance_controller/set_mode with 6, without a trial",
+             act=refused(row.MODE, SetControlMode, "mode EXCITATION", mode=6),
+             who="impedance_controller refuses", watch=0.1),
     _goes_on("set_mode-99", fault="impedance_controller/set_mode with 99",
              act=refused(row.MODE, SetControlMode, "mode", mode=99),
              who="impedance_controller refuses", watch=0.1),

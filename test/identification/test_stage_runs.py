@@ -92,5 +92,8 @@ def test_the_filter_does_not_delay():
 
 def test_a_nut_that_does_not_follow_the_stage_is_refused():
     trial, samples = stage_run(0.05)
+    slipping = samples.position * (1.0 - samples.time / samples.time[-1])
     with pytest.raises(ValueError, match="is the stage coupled"):
+        binned(trial, samples._replace(position=slipping))
+    with pytest.raises(ValueError, match="a lead of 38.10 mm"):
         binned(trial, samples._replace(position=0.5 * samples.position))

@@ -21,7 +21,7 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.devices import ati_net
+from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -170,7 +170,7 @@ class Bench:
         self.encoder = Encoder(self.ports["encoder"], counting, make=encoder_make)
         needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
         chosen = ForceSensorSettings(profile=sensor_profile, **needed)
-        self.force_sensor = ati_net.driver(self.ports["force_sensor"], chosen)
+        self.force_sensor = force_sensors.driver(self.ports["force_sensor"], chosen)
         drive = drive or DriveSettings()
         self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)

@@ -15,7 +15,7 @@ from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.inputs import Guide, SetpointInput
+from screw_module_ros.loop.inputs import Guide
 from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops
 from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
@@ -116,15 +116,7 @@ def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench):
         assert plane.permit.fault.reason == reason
 
 
-# -- set point and slot ----------------------------------------------------------------------------
-
-
-def test_the_velocity_of_a_set_point_expires_and_its_place_stays():
-    wanted = SetpointInput(axes=2)
-    assert str(wanted.at(MS)) == "(nan, nan, 0.0, 0.0)"
-    wanted.ask((0.1, -0.2), (0.3, 0.4), MS)
-    assert wanted.at(MS + 200_000_000) == (0.1, -0.2, 0.3, 0.4)
-    assert wanted.at(MS + 200_000_001) == (0.1, -0.2, 0.0, 0.0)
+# -- slot -----------------------------------------------------------------------------------------
 
 
 def test_a_slot_expires_after_three_tenths_of_a_second():

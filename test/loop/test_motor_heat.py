@@ -12,7 +12,7 @@ from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.safety.permit import PermitSettings
+from screw_module_ros.safety.permit import OPEN, PermitSettings
 
 MS, S = 1_000_000, 1_000_000_000
 LIMITS = TorqueLimits()
@@ -20,14 +20,14 @@ BUDGET = LIMITS.continuous**2
 CHAIN = TorqueChain(limits=LIMITS)
 
 
-def axis(heat, sent):
+def axis(heat, sent, chain=CHAIN):
     """Return a drive's loop that is enabled, and notes what it writes [Nm]."""
     drive = SimpleNamespace(
         write=lambda command, now_ns: sent.append(command) or command, settings=DriveSettings()
     )
     port = SimpleNamespace(clock=ManualClock(S))
-    made = VerticalDrive(drive, port, MS, PermitSettings(), CHAIN, heat=heat)
-    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0)
+    made = VerticalDrive(drive, port, MS, PermitSettings(), chain, heat=heat)
+    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0, phase=OPEN)
     return made
 
 
@@ -53,8 +53,7 @@ def test_a_hot_motor_gets_hardly_more_than_its_continuous_torque():
     limits = LIMITS._replace(continuous=0.1, peak=0.4)
     hot, cold = [], []
     for sent, heat in ((hot, 0.01), (cold, 0.0)):
-        made = axis(heat, sent)
-        made._chain = CHAIN._replace(limits=limits)
+        made = axis(heat, sent, CHAIN._replace(limits=limits))
         pressed(made, 0.1)
     assert max(hot[50:]) < 0.13, "2 % of the heat have gone before the first command"
     assert cold[-1] > 0.2

@@ -53,6 +53,7 @@ def test_no_force_is_fed_back_that_nobody_measures(mode):
     assert modes.MODE_NAMES[mode] in controller.reason and "force sensor" in controller.reason
     assert not controller.faulted
     controller.mode = modes.IMPEDANCE
+    controller.wanted.ask((0.02,), (0.0,), 3000 * MS)  # forgotten while the law gave no force
     run(controller, range(3000, 6000))
     assert controller.reason == ""
     assert controller.output.force - controller.output.gravity == pytest.approx(-45.0)

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import pytest
+from bench import PERIOD_NS
+
 
 def test_the_force_sensor_is_read_while_the_encoder_is_silent(bench):
     before = bench.force_sensor.counters["received"]
@@ -10,3 +13,13 @@ def test_the_force_sensor_is_read_while_the_encoder_is_silent(bench):
     bench.ticks(50)
     assert bench.encoder.counters["missing_in_a_row"] >= 45
     assert bench.force_sensor.counters["received"] - before >= 48
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
+    """A lost answer costs two more ticks, in which a late one would show (`devices/polled.py`)."""
+    enabled.rig.inject("encoder", "drop", 1.0, lost * PERIOD_NS * 1e-9, enabled.now_ns)
+    reasons = {row.reason for row in enabled.ticks(50)} - {""}
+    assert reasons == ({"no fresh command"} if lost == 3 else set())
+    assert enabled.torque_passes == (lost < 3)
+    assert enabled.encoder.counters["missing"] == lost + 2

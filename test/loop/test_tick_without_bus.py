@@ -68,6 +68,29 @@ def test_an_error_that_ends_the_loop_leaves_no_torque(enabled):
     assert enabled.axis.permit.phase == CLOSED
 
 
+def test_a_bus_that_cannot_be_read_takes_the_torque_away(enabled, monkeypatch):
+    """The drive hears our heartbeat: without a deadline it would keep the last torque."""
+    enabled.setpoint = (enabled.home + 0.02, 0.0)
+    enabled.ticks(100)
+    port, sent = enabled.ports["drive"], []
+    send = port.send
+
+    def noted(can_id, data):
+        sent.append((can_id, bytes(data)))
+        send(can_id, data)
+
+    monkeypatch.setattr(port, "send", noted)
+    with monkeypatch.context() as unplugged:
+        unplugged.setattr(port._arrivals, "receive", fails)
+        enabled.ticks(30)
+    commands = [data for can_id, data in sent if can_id == 0x201]
+    assert len(commands) > 20
+    assert commands[0][2:] != b"\0\0"
+    assert set(commands[-10:]) == {b"\0\0\0\0"}, "disable voltage, no torque"
+    rows = enabled.ticks(200)  # it can be read again
+    assert all(row.reason and row.torque == 0.0 for row in rows)
+
+
 def test_nor_does_one_in_the_plane(bench):
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
     assert bench.enable_plane() == ""

@@ -78,12 +78,12 @@ def test_a_set_point_from_before_is_gone(controller, publish, wait_until):
     def wanted() -> bool:
         publish()
         controller.read_inputs(controller.clock.now_ns())
-        return not math.isnan(controller.part.wanted.at(controller.clock.now_ns())[0])
+        return not math.isnan(controller.part.wanted.at(controller.clock.now_ns(), True)[0])
 
     wait_until(wanted)
     controller.trigger_deactivate()
     controller.trigger_activate()
-    assert math.isnan(controller.part.wanted.at(controller.clock.now_ns())[0])
+    assert math.isnan(controller.part.wanted.at(controller.clock.now_ns(), True)[0])
     controller.close()
 
 
@@ -103,7 +103,7 @@ def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch
     node._plane.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
     node.end()
     node.begin()
-    assert all(map(math.isnan, node._plane.wanted.at(1)[:2]))
+    assert all(map(math.isnan, node._plane.wanted.at(1, True)[:2]))
     node.port = None
     node.disconnect()
     node.close_topics()

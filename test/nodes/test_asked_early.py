@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An enabling that waited behind the clearing of a fault does not come afterwards."""
+"""An enabling that waited behind an activation or a `clear_fault` does not come afterwards."""
 
 from __future__ import annotations
 
@@ -43,12 +43,19 @@ def answer(asker: Node, future):
     return future.result()
 
 
-def test_an_enabling_that_waited_is_refused(amplifier):
+@pytest.mark.parametrize("busy", ["clear_fault", "activate"])
+def test_an_enabling_that_waited_is_refused(amplifier, busy):
     node, asker, client = amplifier
     future = client.call_async(SetBool.Request(data=True))
     assert waits(node, node._enabling)
-    clear = next(each for each in node.services if each.srv_name.endswith("clear_fault"))
-    clear.callback(Trigger.Request(), Trigger.Response())
+    if busy == "activate":
+        node.connect = node.begin = lambda: None  # there are no devices here
+        node.trigger_configure()
+        node.trigger_activate()
+        assert node.active
+    else:
+        clear = next(each for each in node.services if each.srv_name.endswith("clear_fault"))
+        clear.callback(Trigger.Request(), Trigger.Response())
     told = answer(asker, future)
     assert (told.success, told.message) == (False, drives._ASKED_EARLY)
 

@@ -46,7 +46,9 @@ def make():
         node = rclpy.create_node("law", context=context, cli_args=arguments)
         nodes.append(node)
         changes, configured = [], []
-        parameters = Parameters(node, changes.append, lambda: bool(configured), lambda given: "")
+        parameters = Parameters(
+            node, changes.append, lambda kind: bool(configured), lambda given: ""
+        )
         parameters.declare(Spring, "spring")
         return Made(parameters, node, changes, configured)
 

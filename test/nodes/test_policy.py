@@ -31,7 +31,10 @@ def test_only_who_must_commands_the_drive():
     found = policy()
     may = {node for enclave in found.values() for node, profile in enclave.items()
            if "/screw/force_command" in profile.publish}  # fmt: skip
-    assert may == {"impedance_controller", "characterize"}
+    assert may == {"impedance_controller"}
+    excites = {node for enclave in found.values() for node, profile in enclave.items()
+               if "/screw/excitation" in profile.publish}  # fmt: skip
+    assert excites == {"characterize"}
     enables = {node for enclave in found.values() for node, profile in enclave.items()
                if "/amplifier/enable" in profile.request}  # fmt: skip
     assert enables == {"operator", "characterize_client"}

@@ -68,3 +68,35 @@ def test_impatience_does_not_spoil_a_good_end(ros_domain_id):
     finally:
         process.kill()
         process.communicate()
+
+
+# As Fast DDS does when it locks up: a call that never returns and keeps the interpreter's lock.
+LOCKED_UP = """
+import ctypes
+from screw_module_ros.nodes.support.runtime import LastResort
+last_resort = LastResort({code}, 2)
+last_resort.arm()
+last_resort.disarm()
+{then}
+ctypes.PyDLL(None).pause()
+"""
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_process_that_locks_up_after_its_work_ends_with_its_code(code):
+    ended, told = locked_up(code, "last_resort.arm()")
+    assert ended == code
+    assert told.startswith("Timeout")  # the stacks, for whoever looks for the cause
+
+
+def test_one_that_was_disarmed_goes_on():
+    assert locked_up(0, "ctypes.CDLL(None).alarm(4)") == (-signal.SIGALRM, "")
+
+
+def locked_up(code: int, then: str) -> tuple[int, str]:
+    """Return the exit code and stderr of a process that locks up."""
+    script = LOCKED_UP.format(code=code, then=then)
+    done = subprocess.run(
+        [sys.executable, "-c", script], stderr=subprocess.PIPE, text=True, timeout=30, check=False
+    )
+    return done.returncode, done.stderr

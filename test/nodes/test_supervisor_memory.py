@@ -10,6 +10,7 @@ import pytest
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.nodes.supervisor import SupervisorNode
+from screw_module_ros.nodes.support import runtime
 from screw_module_ros.nodes.support.place import Kept
 from screw_module_ros.safety.supervision import ALL_NODES, EARLIER
 
@@ -50,6 +51,22 @@ def supervisor(make_node):
         node.destroy_node()
 
 
+@pytest.fixture
+def lives(monkeypatch):
+    """Return what lives a node's life as its process does, with a loop; True: it served until then.
+
+    Without what changes this whole process: its scheduling, and the timer that ends it.
+    """
+    monkeypatch.setattr(runtime, "prepare", lambda settings: [])
+    quiet = SimpleNamespace(arm=lambda: None, disarm=lambda: None)
+    monkeypatch.setattr(runtime, "LastResort", lambda code: quiet)
+    return lambda node, loop: runtime._live([node], loop)
+
+
+def fails(*_):
+    raise ZeroDivisionError
+
+
 def lock(node, locked):
     return node._lock(SetBool.Request(data=locked))
 
@@ -86,26 +103,27 @@ def test_estop_lock_and_latched_stop_outlive_the_process(supervisor):
     assert not node._kept.path.exists()
 
 
-def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor):
+def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor, lives):
     node = supervisor()
     estop(node)
     node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
     node._publish(1)
-    node.stopping.set()
-    node.close()
+    assert lives(node, lambda nodes: node.stopping.set())
     node = supervisor()
     assert node._state.estopped and not node._state.latched
 
 
 @pytest.mark.parametrize("failed", ["loop", "requests"])
-def test_an_end_by_an_error_keeps_the_latched_stop(supervisor, failed):
+def test_an_end_by_an_error_keeps_the_latched_stop(supervisor, lives, failed):
     node = supervisor()
     node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
     node._publish(1)
     if failed == "requests":
-        node.service.failed = True
-        node.stopping.set()
-    node.close()
+        node.periodic.every(node.clock, 0.0, fails)  # in the thread that serves
+        assert not lives(node, lambda nodes: node.stopping.wait(20.0))
+    else:
+        with pytest.raises(ZeroDivisionError):
+            lives(node, fails)
     node = supervisor()
     assert node._state.latched == (EARLIER + "manus: no message for more than 0.2 s",)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from screw_module_msgs.msg import AmplifierState, SafetyState
 
-from screw_module_ros.identification.live.graph import parameters
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError
@@ -71,10 +70,10 @@ def robots(bags, ros_domain_id):
 
 def test_each_has_the_values_of_the_file(robots):
     for robot in robots.values():
-        encoder = parameters(robot, "encoder", ("home_position", "can.channel", "use_sim_time"))
+        encoder = robot.parameters("encoder", ("home_position", "can.channel", "use_sim_time"))
         assert encoder == {"home_position": 0.25, "can.channel": "encoder", "use_sim_time": True}
-        assert parameters(robot, "amplifier", ["module_serial"]) == {"module_serial": "SIM-0001"}
-        rig = parameters(robot, "sim_rig", ["devices.command_latency"])
+        assert robot.parameters("amplifier", ["module_serial"]) == {"module_serial": "SIM-0001"}
+        rig = robot.parameters("sim_rig", ["devices.command_latency"])
         assert rig == {"devices.command_latency": 0.3e-3}  # composed
 
 

@@ -58,7 +58,7 @@ def test_force_samples(reading):
     assert FORCE.unpack(serialize_message(message)) == FORCE.unpack(data) == reading
 
 
-@given(encoders, st.lists(number, min_size=6, max_size=6), st.integers(0, 4), st.booleans())
+@given(encoders, st.lists(number, min_size=6, max_size=6), st.integers(0, 6), st.booleans())
 def test_force_commands(sample, values, mode, saturated):
     output = VerticalOutput(*values, saturated, 0.0, 0.0)
     data = pack_command(sample, output, mode)
@@ -68,7 +68,7 @@ def test_force_commands(sample, values, mode, saturated):
     told["feedback"] += told["carried"]
     for name in ("force", "impedance", "gravity", "friction", "feedback", "saturated"):
         assert found[name] == told[name], name
-    assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force)
+    assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force, mode)
 
 
 @pytest.mark.parametrize("seconds", [2**31 - 1, 2**31, 2**33])

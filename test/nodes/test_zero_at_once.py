@@ -80,7 +80,7 @@ def act_and_publish(axis, sample):
     )
     drive = SimpleNamespace(
         begin=lambda tick: None,
-        act=lambda sequence, stamp, force, now: given.append((sequence, force)),
+        act=lambda sequence, stamp, force, now, mode: given.append((sequence, force)),
         end=lambda tick, permission: None,
         permit=SimpleNamespace(enabled=True),
         position=0.0,

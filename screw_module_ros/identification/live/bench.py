@@ -1,46 +1,99 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live graph as a bench: trials with the running nodes, on the rig or on hardware.
 
-    with LiveBench(robot, loop, fixture, watch, say) as bench:
+    with LiveBench(robot, publish, fixture, folder, say) as bench:
         result = experiment.run(Lab(bench, folder), settings)
 
-At the end of each trial, after a cancellation and after an error, the torque first goes to zero and
-the amplifier is disabled. On exit the bench restores the graph's former state; `left` lists what it
-could not restore.
+Each trial is one bag of the session recorder, from which its samples are read. Torque and settings
+of a trial are on a lease (`ExcitationRequest`): when this process dies, the controller ends the
+torque and puts everything back. At the end of each trial, after a cancellation and after an error,
+the torque goes off before anything else; `left` lists what could not be restored.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import shutil
+from collections.abc import Callable, Iterator
 from functools import wraps
+from pathlib import Path
 from typing import Any
 
-from screw_module_msgs.msg import AmplifierState, ImpedanceState
+import numpy as np
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    ExcitationRequest,
+    ImpedanceState,
+    SafetyState,
+)
 
+from screw_module_ros.calibration.module import (
+    load_friction_model,
+    load_linearization,
+    load_module_calibration,
+    thesis_friction,
+)
+from screw_module_ros.clock import TimeStandsStill, WallClock
+from screw_module_ros.control.excitation import Excitation, as_numbers
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.linearization import IDENTITY, default_linearization
+from screw_module_ros.control.modes import (
+    COMBINED,
+    EXCITATION,
+    FRICTION_COMPENSATION,
+    MODE_NAMES,
+    OFF,
+)
+from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.identification.trials import (
     MOTION,
     RELEASE,
     STAGE,
     TORQUE,
+    MotionTrial,
+    NotPossible,
     OnProgress,
     Samples,
     StageTrial,
     TorqueTrial,
     Trial,
+    duration_of,
     require,
 )
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.safety.checks import WatchSettings
 
-from .experiment import Experiment
+from .checks import (
+    check_acting,
+    check_disabled,
+    check_height,
+    check_homed,
+    check_not_stopped,
+    check_passive,
+    check_screw,
+    common_rate,
+)
 from .fixture import Fixture
-from .loop import LiveLoop
-from .motion import Motion
-from .takeover import Takeover
-from .trials import stage_trial, torque_trial
+from .samples import Recorded, Window, recorded
 
-_HEARD_S = 2.0
+CONTROLLER, AMPLIFIER = "impedance_controller", "amplifier"
+_RENEW_NS = 100_000_000
+_ZERO_S, _TAIL_S, _LEAD_S = 0.5, 0.05, 0.1
+_SILENT_S, _BEGIN_S, _PERMIT_S, _BACK_S = 2.0, 3.0, 10.0, 3.0
+_SPARE_S = 5.0
+_POLL_S = 0.05
+_CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
+_SAG = 0.05  # largest sag of the handle in a hand [m]
+_MOVED = 3e-6  # of the nut [m]
+_CALM = 1e-3  # [m/s]
+_CALM_S, _SETTLE_S, _REST_LIMIT_S = 0.5, 1.5, 5.0
+_WALL = WallClock()  # for the shutdown of the process, which does not wait by the robot's time
+
+Reader = Callable[[Recorded], Samples]
+"""Returns a trial's samples from its bag."""
 
 
 def _in_time(method: Callable) -> Callable:
@@ -57,100 +110,517 @@ def _in_time(method: Callable) -> Callable:
 class LiveBench:
     """A `trials.Bench` on the live graph, for one experiment; one thread calls it.
 
-    left: sentences about what could not be restored on exit; notes: for the result; clock: of the
-    graph.
+    left: sentences about what could not be restored; notes: for the result; clock: of the graph.
     """
 
     def __init__(
         self,
         robot: Robot,
-        loop: LiveLoop,
+        publish: Callable[[ExcitationRequest], None],
         fixture: Fixture,
-        watch: WatchSettings,
+        folder: Path,
         say: Callable[[str], None],
         hurried: Callable[[], bool] = lambda: False,
     ):
-        """Start sampling. Raises NotPossible, RobotError.
+        """Raises NotPossible, RobotError.
 
-        say: shows the current step to the user; hurried: whether the restoration must be quick.
+        publish: sends a request of the lease; folder: of the bags; say: shows the current step to
+        the user; hurried: whether the restoration must be quick.
         """
         self.left: list[str] = []
+        self.notes: list[str] = []
         self.clock = robot.clock
+        self._robot, self._publish, self._fixture = robot, publish, fixture
+        self._folder, self._say, self._hurried = folder, say, hurried
+        self._request: ExcitationRequest | None = None
+        self._sines = self._due_ns = 0
+        self._torque_on = False
+        self._allowed = robot.watch
         with self.clock.working():
-            self._experiment = Experiment(robot, loop, fixture, watch, say, hurried)
-        self._takeover = Takeover(robot, loop)
-        self._motion = Motion(self._experiment)
-        self.rate = self._experiment.rate
+            check_screw(robot, "encoder")
+            self.rate = common_rate(robot)
         self.offers = frozenset({TORQUE, STAGE, MOTION, *([RELEASE] if fixture.simulated else [])})
         self.name = f"live graph, {'simulated rig' if fixture.simulated else 'hardware'}"
-        loop.wake()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences about the graph for the notes of the result."""
-        return tuple(self._experiment.notes)
-
-    @_in_time
-    def fingerprint(self) -> str:
-        """Return the graph's calibrations; parts measured with others are not reused."""
-        robot = self._experiment.robot
-        kinds = (AmplifierState, ImpedanceState)
-        robot.met(lambda: all(robot.state(kind) for kind in kinds), _HEARD_S)
-        states = [robot.state(kind) for kind in kinds]
-        return ", ".join(state.calibration if state else "unknown" for state in states)
-
-    @_in_time
-    def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
-        """Do a trial. Raises NotPossible, Cancelled, RobotError, SamplesLost."""
-        require(trial, self)
-        on_progress(0.0)
-        try:
-            return self._record(trial, on_progress)
-        finally:
-            self._torque_off()
-
-    def _record(self, trial: Trial, on_progress: OnProgress) -> Samples:
-        if isinstance(trial, TorqueTrial):
-            return torque_trial(self._experiment, self._takeover, trial, on_progress)
-        self._give_back()  # restores the controller after a torque trial
-        if isinstance(trial, StageTrial):
-            return stage_trial(self._experiment, trial, on_progress)
-        return self._motion.trial(trial, on_progress)
-
-    @_in_time
-    def zero(self) -> tuple[float, float, float, float, float, float]:
-        """Return the tared transducer's reading without load: forces [N], torques [Nm], x to z."""
-        experiment, fixture = self._experiment, self._experiment.fixture
-        if fixture.mounted() in ("free", "locked_rotor"):
-            return experiment.zero().wrench
-        fixture.require(fixture.mounted() or "human_arm")
-        experiment.check_passive()
-        zero = experiment.unloaded_zero()
-        fixture.reload()
-        return zero.wrench
-
-    def _torque_off(self) -> None:
-        with self._experiment.unhurried():
-            try:
-                self._experiment.torque_off()
-            except RobotError as error:
-                self.left.append(f"amplifier not disabled: {error}")
-
-    def _give_back(self) -> None:
-        with self._experiment.unhurried():
-            self.left += self._takeover.give_back()
 
     def __enter__(self) -> LiveBench:
+        self._robot.watch = self._watch
         return self
 
     @_in_time
     def __exit__(self, *_: object) -> None:
-        self._torque_off()
-        self._give_back()
-        with self._experiment.unhurried():
-            self.left += self._motion.put_back()
+        with self._unhurried("handle not restored"):
+            self._fixture.put_back()
+        self._robot.watch = self._allowed
+
+    @_in_time
+    def fingerprint(self) -> str:
+        """Return the graph's calibrations; parts measured with others are not reused."""
+        robot, kinds = self._robot, (AmplifierState, ImpedanceState)
+        robot.met(lambda: all(map(robot.state, kinds)), _SILENT_S)
+        states = map(robot.state, kinds)
+        return ", ".join(state.calibration if state else "unknown" for state in states)
+
+    def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
+        """Do a trial. Raises NotPossible, Cancelled, RobotError, BagError, SamplesLost."""
+        require(trial, self)
+        on_progress(0.0)
+        act = {TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion}
+        bag, reader = self._recorded(name_of(trial), act[type(trial)], trial, on_progress)
+        return reader(recorded(bag, self.rate, self._robot.node.resolve_topic_name))
+
+    def zero(self) -> tuple[float, float, float, float, float, float]:
+        """Return the tared transducer's reading without load: forces [N], torques [Nm], x to z."""
+        bag, window = self._recorded("zero", self._zeroed)
+        found = recorded(bag, self.rate, self._robot.node.resolve_topic_name)
+        return tuple(found.zero(window)[1].tolist())
+
+    # Recording -----------------------------------------------------------------------------
+
+    @_in_time
+    def _recorded(self, name: str, act: Callable[..., Any], *args: Any) -> tuple[Path, Any]:
+        """Act while the session recorder records; return the bag and the act's answer."""
+        robot = self._robot
+        begun = robot.start_recording()
+        whole = False
+        try:
+            answer = act(*args)
+            robot.pause(_TAIL_S)
+            whole = True
+        finally:
+            with self._unhurried("the recording has not ended"):
+                robot.stop_recording()
+            if not whole:
+                shutil.rmtree(begun, ignore_errors=True)
+        if not begun.is_dir():
+            raise RobotError(f"the session recorder writes on another machine: there is no {begun}")
+        return self._kept(begun, name), answer
+
+    def _kept(self, bag: Path, name: str) -> Path:
+        """Move a bag to the others of the experiment; return its place."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        number = sum(1 for _ in self._folder.glob(f"{name}_*")) + 1
+        return Path(shutil.move(bag, self._folder / f"{name}_{number}"))
+
+    def _zero(self) -> Window:
+        """Return a window in which nothing acts on the transducer."""
+        begin_ns = self.clock.now_ns()
+        self._robot.pause(_ZERO_S)
+        return Window(begin_ns, self.clock.now_ns())
+
+    def _unloaded_zero(self) -> Window:
+        """The same, with the handle unloaded, as it then stays."""
+        self._fixture.unload()
+        return self._zero()
+
+    def _zeroed(self) -> Window:
+        fixture = self._fixture
+        if fixture.mounted() in ("free", "locked_rotor"):
+            return self._zero()
+        fixture.require(fixture.mounted() or "human_arm")
+        check_passive(self._robot)
+        window = self._unloaded_zero()
+        fixture.reload()
+        return window
+
+    def _until(
+        self, done: Callable[[], bool], deadline_s: float, look: Callable[[float], None]
+    ) -> None:
+        """Wait until `done`; `look` gets the seconds since the start.
+
+        Raises RobotError if the encoder is silent or the deadline passes, and errors of `look`.
+        """
+        robot, begin_ns = self._robot, self.clock.now_ns()
+        while not done():
+            robot.pause(_POLL_S)
+            elapsed = (self.clock.now_ns() - begin_ns) * 1e-9
+            look(elapsed)
+            if robot.state(EncoderSample) is None:
+                raise RobotError(f"the encoder is silent{robot.complaints_text()}")
+            if elapsed > deadline_s:
+                raise RobotError(f"not done after {deadline_s:.0f} s, given up")
+
+    # The lease -----------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Renew the lease, and hear of a cancellation; called in every wait of the client."""
+        if self._request is not None and self.clock.now_ns() >= self._due_ns:
+            self._renew()
+        self._allowed()
+
+    def _renew(self) -> None:
+        self._due_ns = self.clock.now_ns() + _RENEW_NS
+        self._publish(self._request)
+
+    def _ask(self, sine: Excitation) -> None:
+        """Request a sine from now on, or the lease alone."""
+        self._sines += 1
+        linearized = sine.linearization is not None
+        numbers = as_numbers(sine.linearization) if linearized else (0.0,) * 10
+        self._request = ExcitationRequest(
+            id=(self.clock.now_ns() // 1_000_000 + self._sines) & 0xFFFFFFFF,
+            amplitude=sine.amplitude, frequency=sine.frequency, ticks=sine.ticks,
+            linearized=linearized, linearization=numbers,
+        )  # fmt: skip
+        self._renew()
+
+    @contextlib.contextmanager
+    def _leased(self) -> Iterator[None]:
+        """Have the controller in mode EXCITATION, in which a trial may change its settings.
+
+        Afterwards the torque is off, and the controller as it was found.
+        """
+        robot = self._robot
+        check_disabled(robot)
+        check_not_stopped(robot)
+        check_screw(robot, AMPLIFIER)
+        names = (*VerticalSettings._fields, "mode")
+        found = robot.parameters(CONTROLLER, names)
+        refused = ""
+
+        def begun() -> bool:
+            nonlocal refused
             try:
-                self._experiment.fixture.put_back()
+                robot.set_mode(EXCITATION)
             except RobotError as error:
-                self.left.append(f"handle not restored: {error}")
-        self._experiment.loop.sleep()
+                refused = str(error)
+                return False
+            return True
+
+        try:
+            self._ask(Excitation())
+            if not robot.met(begun, _BEGIN_S):
+                raise RobotError(refused)
+            yield
+        finally:
+            self._torque_off()
+            self._request = None
+            with self._unhurried("controller's settings not restored"):
+                robot.wait_until(
+                    lambda: robot.parameters(CONTROLLER, names) == found, _BACK_S,
+                    f"{CONTROLLER} keeps the trial's",
+                )  # fmt: skip
+
+    @contextlib.contextmanager
+    def _unhurried(self, what: str) -> Iterator[None]:
+        """Ignore cancellation in the block, for the restoration of the graph; limited in time.
+
+        An error goes to `left`: what comes next may still succeed.
+        """
+        allowed, begun_ns = self._allowed, _WALL.now_ns()
+
+        def in_time() -> None:
+            limit_s = _HURRIED_S if self._hurried() else _CLEAN_UP_S
+            if (_WALL.now_ns() - begun_ns) * 1e-9 > limit_s:
+                raise RobotError(f"the restoration of the graph took longer than {limit_s:g} s")
+
+        self._allowed = in_time
+        try:
+            yield
+        except (RobotError, TimeStandsStill) as error:
+            self.left.append(f"{what}: {error}")
+        finally:
+            self._allowed = allowed
+
+    # Torque --------------------------------------------------------------------------------
+
+    def _enable(self) -> None:
+        """Wait for the supervisor's permission and switch the torque on. Raises RobotError."""
+        robot = self._robot
+
+        def permitted() -> bool:
+            state = robot.state(SafetyState)
+            return state is not None and state.vertical_permitted
+
+        if not robot.met(permitted, _PERMIT_S):
+            state = robot.state(SafetyState)
+            why = "; ".join(state.reasons) if state else "the supervisor is silent"
+            why = why or ("the lock pin is in" if state.vertical_locked else "no reason given")
+            raise RobotError(f"no permission to move: {why}")
+        self._torque_on = True
+        robot.enable()
+
+    def _torque_off(self) -> None:
+        """Disable the amplifier if this bench enabled it."""
+        if not self._torque_on:
+            return
+        if self._request is not None:
+            self._ask(Excitation())  # zero with the next sample
+        with self._unhurried("amplifier not disabled"):
+            self._robot.enable(False)
+            self._torque_on = False
+
+    # Trials; each returns what reads its samples ----------------------------------------------
+
+    def _torque(self, trial: TorqueTrial, on_progress: OnProgress) -> Reader:
+        """Play a sine of torque on the locked rotor."""
+        robot, say = self._robot, self._say
+        sine = excitation_of(trial, self.rate)
+        self._fixture.require("locked_rotor")
+        check_homed(robot)
+        own = robot.parameters(AMPLIFIER, ("gate.ramp_time", "rated_torque"))
+        say("zero of the transducer")
+        before = self._zero()
+        with self._leased():
+            say("torque on")
+            self._enable()
+            robot.pause(own["gate.ramp_time"] + 2.0 * _LEAD_S)
+            say(f"sine of {trial.amplitude:g} Nm, {trial.frequency:.3g} Hz")
+            begin_ns = self.clock.now_ns()
+            end_ns = begin_ns + round((trial.duration + _LEAD_S) * 1e9)
+            self._ask(sine)
+
+            def look(elapsed: float) -> None:
+                check_acting(robot)
+                if robot.newest(AmplifierState).saturated:
+                    raise RobotError("the amplifier limits the torque: the sine is distorted")
+                on_progress(min(elapsed / trial.duration, 1.0))
+
+            self._until(lambda: self.clock.now_ns() >= end_ns, trial.duration + _SPARE_S, look)
+        robot.pause(_LEAD_S)
+        say("zero of the transducer again")
+        after = self._zero()
+        rated = own["rated_torque"]
+
+        def read(found: Recorded) -> Samples:
+            first = first_tick(found, begin_ns, sine)
+            return found.samples(
+                first, sine.ticks, before, after,
+                lambda force: np.round(force_to_torque(force) / rated * 1e3) * rated * 1e-3,
+            )  # fmt: skip
+
+        return read
+
+    def _stage(self, trial: StageTrial, on_progress: OnProgress) -> Reader:
+        """Let the stage drive the handle."""
+        robot, fixture, say, seconds = self._robot, self._fixture, self._say, duration_of(trial)
+        fixture.require("stage")
+        check_homed(robot)
+        check_passive(robot)
+        say(f"carrying the handle to {1e3 * trial.start:.1f} mm")
+        fixture.stage_at(trial.start, trial.upside_down)
+        check_height(robot, trial.start)
+        say("zero of the transducer, handle unloaded")
+        before = self._unloaded_zero()
+        fixture.stage_hold()
+        say(f"stage at {1e3 * trial.speed:+g} mm/s to {1e3 * trial.end:.1f} mm")
+
+        def look(elapsed: float) -> None:
+            check_passive(robot)
+            check_homed(robot)
+            on_progress(min(elapsed / seconds, 1.0))
+
+        rest_ns = self.clock.now_ns()
+        try:
+            fixture.stage_go(trial.speed, trial.end)
+            deadline_s = (1.2 if fixture.simulated else 20.0) * seconds + _SPARE_S
+            self._until(lambda: fixture.stage_passed(trial.end), deadline_s, look)
+            robot.pause(2.0 * _TAIL_S)
+        finally:
+            with self._unhurried("stage not stopped"):
+                fixture.stage_halt()
+        began_ns = fixture.stage_began_ns()
+        say("zero of the transducer again")
+        after = self._unloaded_zero()
+        fixture.stage_hold()
+        count = round((seconds + _TAIL_S) * self.rate)
+
+        def read(found: Recorded) -> Samples:
+            first = found.tick_at(began_ns) if began_ns else first_moved(found, rest_ns)
+            return found.samples(first, count, before, after)
+
+        return read
+
+    def _motion(self, trial: MotionTrial, on_progress: OnProgress) -> Reader:
+        """Let a hand move the handle while the law runs with the trial's settings."""
+        robot, fixture, say = self._robot, self._fixture, self._say
+        fixture.require("human_arm")
+        check_homed(robot)
+        check_disabled(robot)
+        linearization = self._fitting_linearization(trial)
+        self._check_friction(trial)
+        say("zero of the transducer, handle unloaded")
+        fixture.unload()
+        robot.tare()  # as in process: the laws feel an old zero as a force
+        before = self._zero()
+        say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
+        fixture.hand_at(trial.arm, trial.centre)
+        check_height(robot, trial.centre, _SAG)
+        with self._leased():
+            robot.set_parameters(CONTROLLER, {**trial.settings._asdict(), "mode": trial.mode})
+            if trial.mode != OFF:
+                say("torque on")
+                self._enable()
+            self._come_to_rest(trial)
+            begin_ns = self._moved(trial, on_progress)
+            share = robot.newest(ImpedanceState).gain_share
+        say("zero of the transducer again")
+        after = self._unloaded_zero()
+        fixture.reload()
+        chain = self._chain(linearization)
+
+        def read(found: Recorded) -> Samples:
+            count = round(trial.duration * self.rate)
+            samples = found.samples(
+                found.tick_at(begin_ns), count, before, after,
+                lambda force: drive_torque(chain, force, self.rate) if trial.mode else 0.0 * force,
+            )  # fmt: skip
+            return samples._replace(share=np.full(count, share))
+
+        return read
+
+    def _moved(self, trial: MotionTrial, on_progress: OnProgress) -> int:
+        """Let the hand move for the trial's duration; return when it began [ns]."""
+        robot, fixture, held = self._robot, self._fixture, True
+
+        def look(elapsed: float) -> None:
+            nonlocal held
+            check_homed(robot)
+            if trial.mode != OFF:
+                check_acting(robot)
+            if held and elapsed >= trial.released_after:
+                held = False
+                self._say("the hand lets go")
+                fixture.hand_lets_go()
+            on_progress(min(elapsed / trial.duration, 1.0))
+
+        self._say(f"the hand moves, {MODE_NAMES[trial.mode]}")
+        try:
+            fixture.hand_moves(trial)
+            begin_ns = self.clock.now_ns()
+            end_ns = begin_ns + round((trial.duration + _TAIL_S) * 1e9)
+            self._until(lambda: self.clock.now_ns() >= end_ns, trial.duration + _SPARE_S, look)
+        except Exception:  # the torque may be why somebody cancels: off before the hand rests
+            self._torque_off()
+            raise
+        finally:
+            with self._unhurried("hand not at rest"):
+                fixture.hand_rests(trial.centre)
+        return begin_ns
+
+    def _come_to_rest(self, trial: MotionTrial) -> None:
+        """Wait until the spring has faded in and the handle is at rest, at most 5 s."""
+        robot, calm = self._robot, 0.0
+        self._say("waiting until the handle is at rest")
+        robot.set_setpoint(z=trial.centre)
+        robot.pause(_SETTLE_S)
+
+        def at_rest() -> bool:
+            nonlocal calm
+            robot.pause(0.1)
+            calm = calm + 0.1 if abs(robot.newest(EncoderSample).velocity) < _CALM else 0.0
+            return calm >= _CALM_S
+
+        robot.met(at_rest, _REST_LIMIT_S)  # a chattering handle never is
+
+    # Calibrations: only the graph's own; a trial with another one is refused ----------------
+
+    def _fitting_linearization(self, trial: MotionTrial) -> Any:
+        used, name = calibrated(
+            self._robot, AMPLIFIER, "linearization", load_linearization, default_linearization
+        )
+        if not self._robot.parameters(AMPLIFIER, ("linearize",))["linearize"]:
+            used, name = None, "none"
+        self._check_own(trial.linearization, used, f"linearization than {AMPLIFIER}", name)
+        return used
+
+    def _check_friction(self, trial: MotionTrial) -> None:
+        if trial.mode in (FRICTION_COMPENSATION, COMBINED):
+            used, name = calibrated(
+                self._robot, CONTROLLER, "friction", load_friction_model, thesis_friction
+            )
+            self._check_own(trial.friction, used, f"friction model than {CONTROLLER}", name)
+
+    def _check_own(self, wanted: Any, used: Any, what: str, name: str) -> None:
+        kind, _, node = what.partition(" than ")
+        if wanted not in (None, used):
+            raise NotPossible(
+                f"the trial wants another {what} runs with ({name}): start {node} with it "
+                f"({kind.split()[0]}_file or calibration_file)"
+            )
+        note = f"The {kind} of {node}: {name}."
+        if wanted is None and note not in self.notes:
+            self.notes.append(note)
+
+    def _chain(self, linearization: Any) -> TorqueChain:
+        """Return the chain that the amplifier runs with."""
+        limits = [f"torque.{name}" for name in TorqueLimits._fields]
+        names = [*CommandLimits._fields, *limits, "rated_torque"]
+        own = self._robot.parameters(AMPLIFIER, names)
+        return TorqueChain(
+            CommandLimits(*(own[name] for name in CommandLimits._fields)),
+            TorqueLimits(*(own[name] for name in limits)),
+            SCREW,
+            linearization or IDENTITY,
+            own["rated_torque"],
+        )
+
+
+# What a trial is made of --------------------------------------------------------------------
+
+
+def name_of(trial: Trial) -> str:
+    """Return a name for a trial's bag."""
+    if isinstance(trial, TorqueTrial):
+        return f"torque_{trial.frequency:.3g}Hz_{trial.amplitude:g}Nm"
+    if isinstance(trial, StageTrial):
+        return f"stage_{1e3 * trial.speed:+g}mm_s"
+    return f"motion_{MODE_NAMES[trial.mode].lower()}"
+
+
+def excitation_of(trial: TorqueTrial, rate: float) -> Excitation:
+    """Return the sine of a trial. Raises NotPossible if a graph of this rate cannot make it."""
+    if trial.rate not in (0.0, rate):
+        raise NotPossible(
+            f"the trial wants {trial.rate:g} samples per second, the graph ticks at {rate:g}: start"
+            f" it with rate:={trial.rate:g} for all vertical nodes"
+        )
+    ticks = round(trial.duration * rate)
+    sine = Excitation(1, trial.amplitude, trial.frequency, ticks, trial.linearization)
+    if refused := sine.refusal(rate):
+        raise NotPossible(refused)
+    return sine
+
+
+def first_tick(found: Recorded, begin_ns: float, sine: Excitation) -> int:
+    """Return the tick with which a sine began, after a time [ns]. Raises RobotError.
+
+    The first commands may be missing in the bag; their sine tells how many.
+    """
+    ticks, force = found.command.ticks, found.command.values[:, 0]
+    acting = np.flatnonzero((ticks >= found.tick_at(begin_ns)) & (force != 0.0))
+    if not len(acting):
+        raise RobotError("the excitation did not start: no command of it was recorded")
+    row = acting[0]
+    torque = force_to_torque(force[row])
+    missing = min(range(60), key=lambda n: round(abs(sine.torque(n, found.rate) - torque), 9))
+    return int(ticks[row]) - missing
+
+
+def first_moved(found: Recorded, rest_ns: float) -> int:
+    """Return the tick at which the nut begins to move after a time [ns], that tick without any."""
+    first = found.tick_at(rest_ns)
+    later = found.encoder.ticks >= first
+    ticks, position = found.encoder.ticks[later], found.encoder.values[later, 0]
+    moved = np.abs(position - position[0]) > _MOVED
+    return int(ticks[max(0, int(np.argmax(moved)) - 1)])
+
+
+def drive_torque(chain: TorqueChain, force: np.ndarray, rate: float) -> np.ndarray:
+    """Return the torque commands of the drive [Nm] for force commands [N]; rate: [1/s]."""
+    heat, torque = COLD, np.empty(len(force))
+    for row, newtons in enumerate(force):
+        made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / rate)
+        torque[row] = on_the_wire(chain, made.command)
+    return torque
+
+
+def calibrated(
+    robot: Robot, node: str, what: str, load: Callable[[str], Any], thesis: Callable[[], Any]
+) -> tuple[Any, str]:
+    """Return the linearization or the friction model a node runs with, and its name."""
+    own = robot.parameters(node, (f"{what}_file", "calibration_file", "module_serial"))
+    if file := own.get("calibration_file"):
+        return getattr(load_module_calibration(file, own["module_serial"]), what), file
+    if file := own[f"{what}_file"]:
+        return load(file), file
+    return thesis(), "of the thesis"

@@ -12,10 +12,14 @@ import os
 import tempfile
 import threading
 import traceback
-from contextlib import closing, suppress
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
 from screw_module_msgs.action import RunExperiment
 from std_srvs.srv import Trigger
 
@@ -31,24 +35,24 @@ from screw_module_ros.nodes.support.node import Node
 from screw_module_ros.nodes.support.place import below, root_folder
 from screw_module_ros.nodes.support.runtime import main as run_node
 from screw_module_ros.nodes.support.states import OK, Health
+from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.safety.checks import WatchSettings
+from screw_module_ros.recording.bag import BagError
 from screw_module_ros.settings import Setting, shown
 
-from .action import OneGoalServer, Outcome
 from .bench import LiveBench
-from .feedback import Feedback
-from .fixture import fixture_of
-from .loop import LiveLoop
-from .rig_seen import RigBusSettings, sees_rig
+from .fixture import OperatorFixture, RigBusSettings, RigFixture, sees_rig
 from .samples import SamplesLost
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3
+_FEEDBACK_S, _GOOD_S = 0.2, 10.0
 # Errors that end an experiment; their text is shown to the user.
 _REASONS = (
-    NotPossible, MissingResult, RobotError, SamplesLost, TimeStandsStill, ValueError, OSError
+    NotPossible, MissingResult, RobotError, BagError, SamplesLost, TimeStandsStill, ValueError,
+    OSError,
 )  # fmt: skip
+_IDLE_S = 0.05
 _WALL = WallClock()  # those who wait for this process, or for a result, use wall clock
 
 
@@ -62,29 +66,27 @@ class ResultsSettings(NamedTuple):
 
 
 class CharacterizeNode(Node):
-    """Runs one experiment at a time in a thread; the main thread takes the samples."""
+    """Runs one experiment at a time, in a thread; the main thread waits."""
 
     def __init__(self):
         super().__init__("characterize")
         self.parameters.declare(ResultsSettings)
-        self.parameters.declare(WatchSettings, "watch")
         self.parameters.declare(BusSettings, "can", channel=graph.bus_of("encoder"))
         self.parameters.declare(RigBusSettings)
-        self._loop: LiveLoop | None = None
         self._robot: Robot | None = None  # of the experiment's thread
         self._leaving = threading.Event()
         self._confirmed = threading.Event()
         self._doing = ""
         self._server = OneGoalServer(
-            self, RunExperiment, "~/run", self._work, self._refusal, self._cancelling
+            self, RunExperiment, "~/run", self._work, self._refusal
         )
         self.serve(Trigger, "~/confirm", self._confirm, "thank you", always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Create the topics, and the client of the experiments."""
-        self._loop = LiveLoop(self)
+        """Create the topic of the lease, and the client of the experiments."""
+        self._publish = self.outlet(*offered(graph.EXCITATION))
         self._robot = Robot(
             f"{self.get_name()}_client", self.get_namespace(), simulated=self.clock.simulated
         )
@@ -94,8 +96,9 @@ class CharacterizeNode(Node):
         self._leaving.clear()
 
     def step(self) -> None:
-        """One pass of the hot loop."""
-        self._loop.step()
+        """Wait: the experiment's thread does the work."""
+        self.clock.idle()
+        self.stopping.wait(_IDLE_S)
 
     def run(self) -> None:
         """Run until the process must end, then let the experiment restore the graph."""
@@ -106,18 +109,14 @@ class CharacterizeNode(Node):
             _WALL.sleep(_RESULT_S)  # the executor still runs and sends the result to the client
 
     def end(self) -> None:
-        """Cancel the experiment; sampling continues until it has restored the graph."""
+        """Cancel the experiment; wait until it has restored the graph."""
         self._leaving.set()
         end_ns = _WALL.now_ns() + round(_LEAVE_S * 1e9)
         while self._server.busy and _WALL.now_ns() < end_ns:
-            with suppress(TimeStandsStill):  # it also ends the experiment's thread
-                self._loop.step()
+            _WALL.sleep(_IDLE_S)
 
     def disconnect(self) -> None:
-        """Remove the topics."""
-        if self._loop is not None:
-            self._loop.close()
-            self._loop = None
+        """Leave the graph as a client."""
         if self._robot is not None:
             self._robot.close()
             self._robot = None
@@ -131,9 +130,6 @@ class CharacterizeNode(Node):
 
     def _refusal(self) -> str:
         return "" if self.active else "the node is not active"
-
-    def _cancelling(self) -> None:
-        self._loop.halt()  # at once; the experiment's thread does the rest
 
     def _confirm(self, request: Trigger.Request) -> str:
         self._confirmed.set()
@@ -200,16 +196,16 @@ class CharacterizeNode(Node):
 
         feedback = Feedback(goal, RunExperiment.Feedback, watch)
         feedback.say("looking at the graph")
-        robot, loop = self._robot, self._loop
+        robot, say = self._robot, feedback.say
         robot.watch = watch
-        bounds = self.parameters.read(WatchSettings, "watch")
         seen = sees_rig(
             robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
         )
+        parts = folder / "parts" / experiment.name
         with closing(
-            fixture_of(seen, robot, self._confirmed, feedback.say, lambda: loop.sample)
+            RigFixture(robot) if seen else OperatorFixture(robot, self._confirmed, say)
         ) as fixture:
-            bench = LiveBench(robot, loop, fixture, bounds, feedback.say, self.stopping.is_set)
+            bench = LiveBench(robot, self._publish, fixture, parts, say, self.stopping.is_set)
             try:
                 with bench:
                     lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
@@ -222,6 +218,138 @@ class CharacterizeNode(Node):
     def health(self) -> Health:
         """The running experiment."""
         return Health(OK, f"running {self._doing}" if self._doing else "idle", {})
+
+
+class Outcome(NamedTuple):
+    """How a goal ended: the action's result, and whether it succeeded or was cancelled."""
+
+    result: Any
+    succeeded: bool
+    cancelled: bool = False
+
+
+class OneGoalServer(ActionServer):
+    """An action server that executes one goal at a time, in a thread.
+
+    work: called in a thread with the goal handle; refusal: returns why no goal can be accepted,
+    empty if one can. rclpy runs a goal as a task of the executor: a plain callback would delay
+    cancel requests, and a coroutine that awaits the thread's future is polled in every spin, which
+    keeps a core busy. Here the task is created only after the work.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        name: str,
+        work: Callable[[ServerGoalHandle], Outcome],
+        refusal: Callable[[], str],
+    ):
+        self._work, self._refusal = work, refusal
+        self._thread: threading.Thread | None = None
+        super().__init__(
+            _BySystemTime(node),
+            kind,
+            name,
+            _never,
+            goal_callback=self._decide,
+            cancel_callback=lambda goal: CancelResponse.ACCEPT,
+        )
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is being executed."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def _decide(self, request: Any) -> GoalResponse:
+        refused = "a goal is being worked on: cancel it first" if self.busy else self._refusal()
+        if refused:
+            self._logger.error(f"goal refused: {refused}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:
+        """Start the thread of an accepted goal; called by rclpy."""
+        self._thread = threading.Thread(
+            target=self._work_on, args=(goal_handle,), name="goal", daemon=True
+        )
+        self._thread.start()
+
+    def _work_on(self, goal: ServerGoalHandle) -> None:
+        outcome = self._work(goal)
+
+        def finish(goal: ServerGoalHandle) -> Any:
+            if outcome.cancelled and goal.is_cancel_requested:
+                goal.canceled()
+            elif outcome.succeeded:
+                goal.succeed()
+            else:
+                goal.abort()
+            return outcome.result
+
+        super().notify_execute(goal, finish)
+
+
+class _BySystemTime:
+    """A node with the system clock, for the expiry of results: ROS time may stand still."""
+
+    def __init__(self, node: Node):
+        self._node, self._clock = node, Clock(clock_type=ClockType.SYSTEM_TIME)
+
+    def get_clock(self) -> Clock:
+        return self._clock
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
+
+
+def _never(goal: ServerGoalHandle) -> None:
+    raise AssertionError("a goal is worked on by its thread")
+
+
+class Feedback:
+    """Publishes feedback of one goal; `watch` is called each time and may raise to end the goal.
+
+    clock: for the remaining time; by default wall clock, also in simulated time.
+    """
+
+    def __init__(
+        self,
+        goal: Any,
+        kind: type,
+        watch: Callable[[], None],
+        clock: WallClock | None = None,
+    ):
+        self._goal, self._message, self._watch = goal, kind(), watch
+        self._clock = clock or WallClock()
+        self._due = 0.0
+        self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
+
+    def say(self, doing: str) -> None:
+        """Publish the current step at once."""
+        self._message.doing = doing
+        self._goal.publish_feedback(self._message)
+
+    def progress(self, experiment: str, done: float, total: float) -> None:
+        """Publish the progress; done, total: seconds of excitation, from `Lab`."""
+        self._watch()
+        now = self._clock.now_ns() * 1e-9
+        if self._first is None or done < self._first[1]:
+            self._first = (now, done)
+        self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0
+        self._message.remaining = self._remaining(now, done, total)
+        if now >= self._due:
+            self._due = now + _FEEDBACK_S
+            self._goal.publish_feedback(self._message)
+
+    def _remaining(self, now: float, done: float, total: float) -> float:
+        """Return the estimated time [s]: remaining excitation times the pace so far.
+
+        The pace starts as if `_GOOD_S` had passed in real time, because preparations come first.
+        """
+        begun, before = self._first
+        pace = (now - begun + _GOOD_S) / (done - before + _GOOD_S)
+        return (total - done) * max(pace, 1.0)
 
 
 def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:

@@ -6,6 +6,8 @@ from __future__ import annotations
 from itertools import islice
 from typing import Any
 
+from rclpy.lifecycle import LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from screw_module_msgs.msg import SafetyState
 from std_srvs.srv import SetBool, Trigger
 
@@ -23,7 +25,7 @@ from .states import ERROR, OK, WARN, Health, broken_contract
 from .topics import Senders, requested
 
 _SLOW_POLL_S = 0.5
-_ASKED_EARLY = "asked for while a fault was being cleared: call ~/enable again"
+_ASKED_EARLY = "asked for while the drive was made ready: call ~/enable again"
 _CLEARED = "cleared; call ~/enable to enable"
 VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
 """Fields of SafetyState."""
@@ -44,6 +46,12 @@ class DriveNode(DriverNode):
             Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED,
             then=self._refuse_waiting,
         )  # fmt: skip
+
+    def on_activate(self, state: LifecycleState) -> Outcome:
+        """Lifecycle activate."""
+        outcome = super().on_activate(state)
+        self._refuse_waiting()
+        return outcome
 
     @property
     def permit(self) -> Permit:
@@ -76,9 +84,10 @@ class DriveNode(DriverNode):
             self._log_warnings(drive)
 
     def _refuse_waiting(self) -> None:
-        """Enable nothing for a client that asked while a fault was being cleared: it may be gone.
+        """Enable nothing for a client that asked while the drives were made ready: it may be gone.
 
-        To clear a fault can take seconds, and torque would come when nobody expects it any more.
+        To clear a fault, or to activate, can take seconds, and torque would come when nobody
+        expects it any more.
         """
         self.refuse_waiting(self._enabling, _ASKED_EARLY, lambda request: request.data)
 

@@ -40,7 +40,7 @@ class Node(LifecycleNode):
     whole values or by requests that the loop carries out (see `loop/requests`).
 
     Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
-    the lifecycle), `health`, `refusal` and `changed`.
+    the lifecycle), `health`, `refusal`, `fixed` and `changed`.
 
     clock: the one clock of this process. stopping: set when the process is to end. periodic: calls
     of the service thread. phase: lifecycle state. failure: of the last transition, empty without.
@@ -49,6 +49,9 @@ class Node(LifecycleNode):
     hardware_id = ""
     moves_time = False
     """Whether simulated time begins with this node."""
+
+    in_order = False
+    """Whether the process ends because it was asked to, and not by an error."""
 
     direct: Collection[str] = ()
     """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
@@ -64,9 +67,7 @@ class Node(LifecycleNode):
         self.periodic = Timers()
         self._inboxes: list[Inbox] = []
         self._topics: list[Outlet | Senders] = []  # that are closed with the topics
-        self.parameters = Parameters(
-            self, self.changed, lambda: self.phase in (INACTIVE, ACTIVE), self.refusal
-        )
+        self.parameters = Parameters(self, self.changed, self.fixed, self.refusal)
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
         self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
@@ -111,6 +112,10 @@ class Node(LifecycleNode):
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why parameters, by name, do not go together with the others; empty if they do."""
         return ""
+
+    def fixed(self, kind: type) -> bool:
+        """Return whether settings of the tuple `kind` that are not live may not change now."""
+        return self.phase in (INACTIVE, ACTIVE)
 
     def changed(self, kind: type) -> None:
         """Apply parameters of the settings tuple `kind` that changed at run time."""

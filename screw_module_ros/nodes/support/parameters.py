@@ -29,15 +29,15 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 class Parameters:
     """The parameters of one node: NamedTuples of settings under name prefixes.
 
-    `changed(kind)` is called after fields of that tuple were changed at run time; `configured()`
-    returns whether fields that are not live must be refused; `refusal(changes)` returns why values,
-    by name, do not go together with the others, empty if they do.
+    `changed(kind)` is called after fields of that tuple were changed at run time; `fixed(kind)`
+    returns whether those of its fields that are not live must be refused; `refusal(changes)`
+    returns why values, by name, do not go together with the others, empty if they do.
     """
 
-    def __init__(self, node: Node, changed, configured, refusal):
+    def __init__(self, node: Node, changed, fixed, refusal):
         self._node = node
         self._changed = changed
-        self._configured = configured
+        self._is_fixed = fixed
         self._refusal = refusal
         self._defaults: dict[tuple[type, str], tuple] = {}
         self._fields: dict[str, tuple[type, Field]] = {}
@@ -119,22 +119,22 @@ class Parameters:
             known = self._fields.get(parameter.name)
             if known is None or not self._node.has_parameter(parameter.name):
                 continue
-            _, field = known
+            kind, field = known
             current = self._node.get_parameter(parameter.name).value
             wrong = _problem(parameter.name, field, parameter.value, type(current))
             if not wrong and list(_flat(parameter.value)) != list(_flat(current)):
-                wrong = self._fixed(parameter.name, field)
+                wrong = self._fixed(parameter.name, kind, field)
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
         changes = {p.name: p.value for p in parameters if p.name in self._fields}
         wrong = self._refusal(changes) if changes and self._declared else ""
         return SetParametersResult(successful=not wrong, reason=wrong)
 
-    def _fixed(self, name: str, field: Field) -> str:
+    def _fixed(self, name: str, kind: type, field: Field) -> str:
         """Return why a parameter may not change now, empty when it may."""
         if field.setting.at_start and self._declared:
             return f"{name} is fixed once the node has started: start it anew with another value"
-        if not field.setting.live and self._configured():
+        if not field.setting.live and self._is_fixed(kind):
             return f"{name} is fixed while the node is configured: deactivate and clean up first"
         return ""
 

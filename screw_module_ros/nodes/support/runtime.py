@@ -8,6 +8,7 @@ loop), so that no callback delays a command.
 
 from __future__ import annotations
 
+import ctypes
 import faulthandler
 import logging
 import queue
@@ -124,6 +125,7 @@ def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
     first = nodes[0]
     for node in nodes:
         node.service.start(partial(_autostart, node))
+    worked = False
     try:
         scheduling = _scheduling(nodes)
         refused = prepare(scheduling)
@@ -132,25 +134,65 @@ def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
         for sentence in refused + take_priority(scheduling):
             first.get_logger().warning(sentence)
         loop(nodes)
+        worked = not any(node.service.failed for node in nodes)
     except Exception as error:
         first.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
         raise
     finally:
         for node in nodes:
             node.service.end()
+            node.in_order = worked
+        last_resort = LastResort(code=0 if worked else 1)
         for node in reversed(nodes):  # the drive goes off while its controller still runs
-            signal.alarm(0)
-            node.close(_end_if_locked_up)
-    return not any(node.service.failed for node in nodes)
+            last_resort.disarm()
+            node.close(last_resort.arm)
+    return worked
 
 
-def _end_if_locked_up() -> None:
-    """Make sure that the process ends: Fast DDS can lock up while it removes a topic.
+class LastResort:
+    """Ends a process whose work is done with its code, should the middleware lock up.
 
-    The torque is off by then. The signal's default action works even when Python cannot run.
+    Fast DDS can deadlock while it removes a topic (its issues 6193 and 6502), and rclpy holds the
+    interpreter's lock meanwhile. So a timer of the C library calls `_exit`, in a thread of its own.
     """
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(_TEARDOWN_S)
+
+    def __init__(self, code: int, after_s: int = _TEARDOWN_S) -> None:
+        self._after_s = after_s
+        self._timer, event = ctypes.c_void_p(), _TimerEvent(value=code, notify=_SIGEV_THREAD)
+        event.function = ctypes.cast(ctypes.CDLL(None)._exit, ctypes.c_void_p)  # of `value`
+        _of_c(_RT.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer)))
+
+    def arm(self) -> None:
+        """End after that time; the stacks are written to stderr a second before."""
+        faulthandler.dump_traceback_later(self._after_s - 1)
+        self._set(self._after_s)
+
+    def disarm(self) -> None:
+        """Do not end."""
+        faulthandler.cancel_dump_traceback_later()
+        self._set(0)
+
+    def _set(self, seconds: int) -> None:
+        setting = (ctypes.c_long * 4)(0, 0, seconds, 0)  # struct itimerspec: interval, value
+        _of_c(_RT.timer_settime(self._timer, 0, setting, None))
+
+
+_RT = ctypes.CDLL("librt.so.1", use_errno=True)  # since glibc 2.34 it is part of libc
+_CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
+
+
+class _TimerEvent(ctypes.Structure):
+    """`struct sigevent` of Linux, 64 bytes."""
+
+    _fields_ = (
+        ("value", ctypes.c_void_p), ("signal", ctypes.c_int), ("notify", ctypes.c_int),
+        ("function", ctypes.c_void_p), ("attributes", ctypes.c_void_p), ("rest", ctypes.c_long * 4),
+    )  # fmt: skip
+
+
+def _of_c(result: int) -> None:
+    if result != 0:
+        raise OSError(ctypes.get_errno(), "no timer for the end of the process")
 
 
 def _scheduling(nodes: list[Node]) -> RealtimeSettings:

@@ -31,11 +31,12 @@ _Reading = TypeVar("_Reading", EncoderReading, ForceReading)
 
 
 class Command(NamedTuple):
-    """The fields of a ForceCommand for the amplifier: tick, acquisition time [ns], force [N]."""
+    """Fields of a ForceCommand for the amplifier: tick, acquisition time [ns], force [N], mode."""
 
     sequence: int
     monotonic_ns: int
     force: float
+    mode: int
 
 
 class Layout(NamedTuple):
@@ -96,10 +97,10 @@ def _sample_layout(kind: type, fixed: struct.Struct, reading: type[_Reading]) ->
 
 def _unpack_command(data: bytes) -> Command:
     if len(data) == _COMMAND.size and data[:_HEAD_SIZE] == _HEAD:
-        _, _, _, sequence, monotonic_ns, force, *_ = _COMMAND.unpack(data)
-        return Command(sequence, monotonic_ns, force)
+        _, _, _, sequence, monotonic_ns, force, mode, *_ = _COMMAND.unpack(data)
+        return Command(sequence, monotonic_ns, force, mode)
     m = deserialize_message(data, ForceCommand)
-    return Command(m.sequence, m.monotonic_ns, m.force)
+    return Command(m.sequence, m.monotonic_ns, m.force, m.mode)
 
 
 ENCODER = _sample_layout(EncoderSample, _ENCODER, EncoderReading)

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,16 +16,18 @@ from rclpy.action import ActionClient
 from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState, ForceCommand, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
+from std_srvs.srv import Trigger
 
-from screw_module_ros.identification.live.graph import ACTIVE, lifecycle_state, parameters
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.results import load_result
+from screw_module_ros.nodes.bringup import Process
 from screw_module_ros.operator.robot import Robot, RobotError
-from screw_module_ros.trials.runner import GraphRun
+from screw_module_ros.trials.runner import GraphRun, recordings_in
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-AMPLIFIER = ("linearize", "command_up", "command_down")
-CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")
+AMPLIFIER = ("linearize", "command_up", "command_down", "command_rate")
+CONTROLLER = ("mode", *VerticalSettings._fields)
 
 
 class Goal:
@@ -61,8 +65,8 @@ class Goal:
 class Bench:
     """The operator, the action client and the graph's former state."""
 
-    def __init__(self, robot: Robot, client: ActionClient):
-        self.robot, self.client = robot, client
+    def __init__(self, robot: Robot, client: ActionClient, process: Process):
+        self.robot, self.client, self.process = robot, client, process
         self.found = self.settings()
 
     def goal(self, name: str, folder: Any = "", **settings: Any) -> Goal:
@@ -74,6 +78,17 @@ class Bench:
         status, result = goal.result()
         assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
         return result, goal
+
+    def kill(self) -> None:
+        """End `characterize` with SIGKILL."""
+        os.kill(self.process.pid, signal.SIGKILL)
+        self.robot.met_by_wall(lambda: self.process.exit_code() is not None, 10.0)
+
+    def start_again(self) -> None:
+        """Start it again; the middleware finds the new action."""
+        self.process = self.process.again()
+        self.robot.wait_until_ready(["characterize"])
+        assert self.robot.met_by_wall(self.client.server_is_ready, 20.0)
 
     def make_ready(self) -> None:
         """Have the robot stand still, permitted and not enabled."""
@@ -88,8 +103,8 @@ class Bench:
     def settings(self) -> dict[str, Any]:
         """Return what an experiment may change."""
         return {
-            **parameters(self.robot, "amplifier", AMPLIFIER),
-            **parameters(self.robot, "impedance_controller", CONTROLLER),
+            **self.robot.parameters("amplifier", AMPLIFIER),
+            **self.robot.parameters("impedance_controller", CONTROLLER),
         }
 
     def goals_in_time(self) -> list[str]:
@@ -99,20 +114,11 @@ class Bench:
         return [name for name in names if name.endswith("/goal")]
 
     def check_put_back(self) -> None:
-        """Everything as found: nodes, parameters, who commands; torque off, nothing latched."""
+        """Everything as found: parameters, torque off, nothing latched, nothing recorded."""
         robot = self.robot
         robot.wait_until(lambda: not self.goals_in_time(), 10.0, "an experiment holds time")
         assert self.settings() == self.found
-        for node in ("amplifier", "impedance_controller"):
-            assert lifecycle_state(robot, node) == ACTIVE
-        robot.wait_until(
-            lambda: [
-                end.node_name
-                for end in robot.node.get_publishers_info_by_topic("/screw/force_command")
-            ] == ["impedance_controller"],
-            10.0,
-            "somebody else commands the amplifier",
-        )  # fmt: skip
+        assert not robot.call(Trigger, "session_recorder/stop").success
         robot.wait_until(
             lambda: robot.newest(SafetyState).level == SafetyState.OK,
             10.0,
@@ -138,12 +144,15 @@ def bench(running: Bench) -> Bench:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory) -> Iterator[Bench]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
-    others = ["session_recorder", "endpoint_state"]
-    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others, composed=True) as graph:
-        ours = characterize(tmp_path_factory.getbasetemp())
+    folder = tmp_path_factory.getbasetemp()
+    extra = [*AS_FAST_AS_IT_GOES, *recordings_in(folder / "bags")]
+    with GraphRun(extra=extra, without=["endpoint_state"], composed=True) as graph:
+        ours = characterize(folder)
         try:
             with operated(graph) as (robot, client):
-                yield Bench(robot, client)
+                made = Bench(robot, client, ours)
+                yield made
+                ours = made.process
         finally:
             code = ours.stop()
         codes = graph.stop()
@@ -235,7 +244,7 @@ def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
 def test_settings_that_are_allowed_only_together_are_put_back(bench):
     """The observer refuses to run without damping, so mode and damping must come back together."""
     robot, node = bench.robot, "impedance_controller"
-    found = parameters(robot, node, ("damping", "mode"))
+    found = robot.parameters(node, ("damping", "mode"))
     undamped = {"damping": 0.0, "mode": ForceCommand.IMPEDANCE}
     try:
         robot.set_parameters(node, undamped)
@@ -243,7 +252,7 @@ def test_settings_that_are_allowed_only_together_are_put_back(bench):
         with pytest.raises(RobotError, match="damping = 0.0: .*damping"):
             robot.set_parameters(node, {"damping": 0.0})
         robot.set_parameters(node, undamped)
-        assert parameters(robot, node, undamped) == undamped
+        assert robot.parameters(node, undamped) == undamped
     finally:
         robot.set_parameters(node, found)
 
@@ -259,4 +268,33 @@ def test_friction_at_one_speed(bench, tmp_path):
     assert abs(found.value("mean_down")) < 4.0
     assert found.value("filled_up") > 0.05
     assert any("stage at -60 mm/s" in told.doing for told in goal.told)
+    bench.check_put_back()
+
+
+@pytest.mark.parametrize(
+    ("experiment", "fixture", "settings", "doing"),
+    [("static_torque", "locked_rotor", {"duration": 20.0, "amplitude": 0.3}, "sine of"),
+     ("force_gain", "human_arm", {"gains": [8.0], "preloaded": False}, "the hand moves")],
+)  # fmt: skip
+def test_killed_it_leaves_no_gain_no_torque_and_no_guard_off(
+    bench, tmp_path, experiment, fixture, settings, doing
+):
+    """A killed torque trial left 141 N and no limit of the rate, a killed motion trial its gain."""
+    robot = bench.robot
+    bench.fix(fixture)
+    bench.goal(experiment, tmp_path, **settings).wait_for(doing)
+    robot.wait_until(
+        lambda: abs(robot.newest(AmplifierState).commanded_torque) > 0.02, 10.0, "no torque"
+    )
+    assert bench.settings() != bench.found
+    bench.kill()
+    robot.wait_until(
+        lambda: not (state := robot.newest(AmplifierState)).enabled and not state.commanded_torque,
+        1.0, "the torque stays",
+    )  # fmt: skip
+    assert "fallen silent" in " ".join(robot.newest(SafetyState).reasons)
+    robot.wait_until(lambda: bench.settings() == bench.found, 1.0, "the trial's settings stay")
+    assert robot.call(Trigger, "session_recorder/stop").success, "nothing else has stayed"
+    bench.make_ready()
+    bench.start_again()
     bench.check_put_back()

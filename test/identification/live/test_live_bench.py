@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the live bench that need no graph: joining samples, the torque source, feedback."""
+"""The parts of the live bench that need no graph: a bag's samples, refusals, lease, feedback."""
 
 from __future__ import annotations
 
@@ -12,26 +12,16 @@ import pytest
 from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState
 
+from screw_module_ros import graph
 from screw_module_ros.clock import ManualClock, WallClock
-from screw_module_ros.control import modes
-from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.excitation import Excitation
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import force_to_torque
-from screw_module_ros.identification.live import experiment as live_session
-from screw_module_ros.identification.live import trials as live_trials
-from screw_module_ros.identification.live.feedback import Feedback
-from screw_module_ros.identification.live.motion import Motion, check_possible
-from screw_module_ros.identification.live.samples import (
-    Recording,
-    SamplesLost,
-    Zero,
-    evenly,
-    samples_of,
-    zero_of,
-)
-from screw_module_ros.identification.live.takeover import check_disabled
-from screw_module_ros.identification.live.torque_source import Sine, TorqueSource
+from screw_module_ros.geometry import torque_to_force
+from screw_module_ros.identification.live import bench as live
+from screw_module_ros.identification.live.bench import LiveBench
+from screw_module_ros.identification.live.characterize import Feedback
+from screw_module_ros.identification.live.samples import Recorded, SamplesLost, Window, joined
 from screw_module_ros.identification.trials import (
     Cancelled,
     MotionTrial,
@@ -39,202 +29,158 @@ from screw_module_ros.identification.trials import (
     TorqueTrial,
 )
 from screw_module_ros.operator.client import RobotError
-from screw_module_ros.safety.checks import WatchSettings
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
 SPEED = 0.02
 
 
-def stamp(tick: int, late_ns: int = 0) -> int:
-    return (FIRST + tick) * PERIOD_NS + late_ns
+def stamp(tick: float) -> int:
+    return round((FIRST + tick) * PERIOD_NS)
 
 
-def encoder(tick: int, position: float = 0.2, velocity: float = 0.0, late_ns: int = 0):
-    return SimpleNamespace(
-        sequence=(FIRST + tick) % 2**32,
-        monotonic_ns=stamp(tick, late_ns),
-        position=position,
-        velocity=velocity,
-        homed=True,
-    )
+def topic(ticks, late_ns=None, **values):
+    """Return the fields of a topic's messages, as `recording.decoded.columns` does."""
+    ticks = np.array(ticks, int)
+    late = np.zeros(len(ticks), int) if late_ns is None else late_ns
+    return {
+        "sequence": ((FIRST + ticks) % 2**32).astype(np.uint32),
+        "monotonic_ns": (FIRST + ticks) * PERIOD_NS + late,
+        **{name: np.broadcast_to(value, len(ticks)) for name, value in values.items()},
+    }
 
 
-def force(tick: int, fz: float = 0.0, tz: float = 0.0):
-    return SimpleNamespace(
-        sequence=(FIRST + tick) % 2**32, monotonic_ns=stamp(tick), status=0,
-        fx=0.0, fy=0.0, fz=fz, tx=0.0, ty=0.0, tz=tz,
-    )  # fmt: skip
+def forces(ticks, status=0):
+    """Return force samples with fz = tick and tz = -tick."""
+    t = np.array(ticks, float)
+    nothing = dict.fromkeys(("fx", "fy", "tx", "ty"), 0.0)
+    return topic(ticks, fz=t, tz=-t, status=status, **nothing)
 
 
-def recorded(ticks, force_ticks=None, late_ns=lambda tick: 0) -> Recording:
-    """Return a handle that moves at SPEED, with fz = tick and tz = -tick."""
-    recording = Recording(1000)
-    for tick in ticks:
-        late = late_ns(tick)
-        at = 0.1 + SPEED * (tick / RATE + late * 1e-9)
-        recording.note_encoder(encoder(tick, at, SPEED, late))
-    for tick in force_ticks if force_ticks is not None else ticks:
-        recording.note_force(force(tick, float(tick), -float(tick)))
-    return recording
+def bag(ticks, force_ticks=None, commands=(), late_ns=None, force=None) -> Recorded:
+    """Return a handle that moves at SPEED."""
+    late = np.zeros(len(ticks)) if late_ns is None else late_ns
+    at = 0.1 + SPEED * (np.array(ticks) / RATE + late * 1e-9)
+    return joined({
+        graph.ENCODER: topic(ticks, late_ns, position=at, velocity=SPEED),
+        graph.FORCE: force or forces(ticks if force_ticks is None else force_ticks),
+        graph.FORCE_COMMAND: topic([tick for tick, _ in commands],
+                                   force=[newtons for _, newtons in commands]),
+    }, RATE)  # fmt: skip
 
 
-class TestEvenly:
-    def test_joins_by_tick_beyond_the_number_that_starts_again(self):
-        track = evenly(recorded(range(100), range(7, 95)), RATE)
-        assert len(track.force) == 88
-        np.testing.assert_allclose(track.force, np.arange(7, 95))
-        np.testing.assert_allclose(track.torque, -np.arange(7, 95))
-        np.testing.assert_allclose(track.position, 0.1 + SPEED * np.arange(7, 95) / RATE)
-        assert track.begin == (FIRST + 7) % 2**32
-        assert track.begin_ns == pytest.approx(stamp(7))
-        assert track.row_of((FIRST + 40) % 2**32) == 33
-        assert track.row_at(stamp(40), RATE) == 33
+def window(begin, end) -> Window:
+    return Window(stamp(begin), stamp(end))
 
-    def test_bridges_lost_ticks(self):
-        lost = {20, 50, 51}
-        kept = [tick for tick in range(100) if tick not in lost]
-        track = evenly(recorded(kept, [t for t in range(100) if t != 30]), RATE)
-        np.testing.assert_allclose(track.position, 0.1 + SPEED * np.arange(100) / RATE)
-        np.testing.assert_allclose(track.force, np.arange(100))
 
-    def test_late_samples_do_not_make_the_handle_tremble(self):
-        rng = np.random.default_rng(1)
-        late = rng.integers(0, 2_000_000, 100)
-        track = evenly(recorded(range(100), late_ns=lambda tick: int(late[tick])), RATE)
-        np.testing.assert_allclose(np.diff(track.position[1:-1]), SPEED / RATE, rtol=1e-6)
+BEFORE, AFTER = window(0, 11), window(189, 200)  # mean ticks 5 and 194
 
-    def test_refuses_a_long_gap(self):
-        with pytest.raises(SamplesLost, match="encoder: .* with a gap of 105 ms"):
-            evenly(recorded([*range(200), *range(220, 800)]), RATE)
 
-    def test_refuses_many_losses(self):
-        with pytest.raises(SamplesLost, match="force sensor: 10.* % of the samples"):
-            evenly(recorded(range(200), [t for t in range(200) if t % 10 != 3]), RATE)
-
-    def test_refuses_a_sensor_that_ends_before_the_trial(self):
-        """A frictionless half of the screw, or a sine of half a period, came of it."""
-        with pytest.raises(SamplesLost, match="force sensor: no good sample in 500 ms"):
-            evenly(recorded(range(200), range(100)), RATE)
-
-    def test_lost_encoder_samples_are_no_fault_of_the_force_sensor(self):
-        """A trial goes on for a tick more with each, until it has its encoder samples."""
-        recording, tick = Recording(1000), 0
-        while not recording.full:
-            recording.note_force(force(tick))
-            if tick % 40:
-                recording.note_encoder(encoder(tick))
-            tick += 1
-        assert len(evenly(recording, RATE).force) == pytest.approx(1000 * 40 / 39, abs=2)
-
-    def test_a_sample_with_a_fault_of_the_sensor_is_lost(self):
-        recording = recorded(range(200), range(100))
-        for tick in range(100, 200):
-            recording.note_force(SimpleNamespace(**{**vars(force(tick, 1e3)), "status": 1 << 6}))
-        with pytest.raises(SamplesLost, match="force sensor: no good sample in 500 ms"):
-            evenly(recording, RATE)
-
-    def test_says_that_nothing_came(self):
-        with pytest.raises(SamplesLost, match="force sensor: not one"):
-            evenly(recorded(range(9), []), RATE)
-
-    def test_commands_stay_until_the_next(self):
-        recording = recorded(range(10))
-        for tick, newtons in ((3, 5.0), (6, -2.0)):
-            command = SimpleNamespace(**vars(encoder(tick)), force=newtons)
-            recording.note_command(command)
-        np.testing.assert_array_equal(
-            evenly(recording, RATE).command, [0, 0, 0, 5, 5, 5, -2, -2, -2, -2]
-        )
-
-    def test_takes_the_line_between_the_zeros_off(self):
-        track = evenly(recorded(range(100)), RATE)
-        slope = 2.0
-        before, after = (
-            Zero(stamp(tick), (0.0, 0.0, slope * tick, 0.0, 0.0, -tick)) for tick in (-40, 160)
-        )
-        samples = samples_of(track, RATE, before, after)
-        np.testing.assert_allclose(samples.force, -np.arange(100), atol=1e-9)
-        np.testing.assert_allclose(samples.torque, 0.0, atol=1e-9)
+class TestSamples:
+    def test_are_joined_by_tick_beyond_the_number_that_starts_again(self):
+        samples = bag(range(200)).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
+        np.testing.assert_allclose(samples.velocity, SPEED)
         np.testing.assert_allclose(samples.time, np.arange(100) / RATE)
-        assert np.isnan(samples.current).all()
+        assert np.isnan(samples.current).all() and not samples.command.any()
 
-    def test_zero_is_the_mean_in_the_middle(self):
-        zero = zero_of(recorded(range(11)))
-        assert zero.at_ns == stamp(5)
-        assert zero.wrench == (0.0, 0.0, 5.0, 0.0, 0.0, -5.0)
+    def test_are_without_the_line_between_the_zeros(self):
+        """The readings are that line."""
+        samples = bag(range(200)).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.force, 0.0, atol=1e-9)
+        np.testing.assert_allclose(samples.torque, 0.0, atol=1e-9)
+        offset = forces(range(200))
+        offset["fz"] = offset["fz"] + np.where(np.arange(200) % 189 < 20, 0.0, 3.0)
+        samples = bag(range(200), force=offset).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.force, 3.0, atol=1e-9)
+
+    def test_bridge_lost_ticks(self):
+        kept = [tick for tick in range(200) if tick not in {40, 50, 51}]
+        found = bag(kept, [tick for tick in range(200) if tick != 60])
+        samples = found.samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
+        np.testing.assert_allclose(samples.force, 0.0, atol=1e-9)
+
+    def test_that_are_late_do_not_make_the_handle_tremble(self):
+        late = np.random.default_rng(1).integers(0, 2_000_000, 200)
+        samples = bag(range(200), late_ns=late).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(np.diff(samples.position), SPEED / RATE, rtol=1e-6)
+
+    def test_that_come_twice_count_once(self):
+        samples = bag(sorted([*range(200), 40, 41])).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
+
+    @pytest.mark.parametrize(
+        ("ticks", "force_ticks", "said"),
+        [
+            ([*range(60), *range(80, 200)], range(200), "encoder: .* with a gap of 105 ms"),
+            (range(200), [t for t in range(200) if t % 10 != 3 or t > 150],
+             "force sensor: 10.0 % of the samples"),
+            (range(200), [*range(100), *range(189, 200)], "force sensor: .*gap of 105 ms"),
+            (range(200), [*range(11), *range(41, 200)], "force sensor: .*gap of 110 ms"),
+        ],
+    )  # fmt: skip
+    def test_that_are_missing_are_refused(self, ticks, force_ticks, said):
+        """At an end of the trial too: half a sine, or a frictionless half of the screw."""
+        with pytest.raises(SamplesLost, match=said):
+            bag(list(ticks), list(force_ticks)).samples(20, 100, BEFORE, AFTER)
+
+    def test_outside_of_the_trial_may_be_missing(self):
+        bag([*range(12), *range(20, 120), *range(180, 200)]).samples(20, 100, BEFORE, AFTER)
+
+    def test_with_a_fault_of_the_sensor_are_lost(self):
+        bad = np.where((np.arange(200) >= 50) & (np.arange(200) < 90), 1 << 6, 0)
+        with pytest.raises(SamplesLost, match="force sensor: 40.0 %"):
+            bag(range(200), force=forces(range(200), bad)).samples(20, 100, BEFORE, AFTER)
+
+    @pytest.mark.parametrize(
+        ("ticks", "force_ticks", "said"),
+        [([], range(9), "encoder: not one"), (range(9), [], "force sensor: not one")],
+    )
+    def test_of_nothing_say_so(self, ticks, force_ticks, said):
+        with pytest.raises(SamplesLost, match=said):
+            bag(list(ticks), list(force_ticks))
+
+    def test_need_a_zero(self):
+        with pytest.raises(SamplesLost, match="of the unloaded handle"):
+            bag(range(200)).samples(20, 100, window(300, 400), AFTER)
+
+    def test_have_each_command_until_the_next(self):
+        found = bag(range(200), commands=[(23, 5.0), (26, -2.0)])
+        samples = found.samples(20, 10, BEFORE, AFTER, lambda force: 2.0 * force)
+        np.testing.assert_array_equal(samples.command, [0, 0, 0, 10, 10, 10, -4, -4, -4, -4])
+
+    def test_begin_at_a_time(self):
+        assert bag(range(200)).tick_at(stamp(40)) == 40
+        assert bag(range(200)).tick_at(stamp(40) + 1_000_000) == 41
 
 
-class TestTorqueSource:
-    @pytest.fixture
-    def source(self):
-        return TorqueSource(WatchSettings(), PERIOD_NS)
+@pytest.mark.parametrize("lost", [0, 1, 3])
+def test_the_first_tick_of_a_sine_is_found_though_its_commands_are_lost(lost):
+    sine = Excitation(1, 0.3, 10.0, 40)
+    commands = [
+        (50 + tick, torque_to_force(sine.torque(tick, RATE)))
+        for tick in range(40) if not 1 <= tick <= lost
+    ]  # fmt: skip
+    found = bag(range(200), commands=[(30, 7.0), (31, 0.0), *commands])
+    assert live.first_tick(found, stamp(45), sine) == 50
 
-    def play(self, source, ticks, position=lambda tick: 0.2, forces=lambda tick: True):
-        answers = []
-        for tick in ticks:
-            now = stamp(tick, 1000)
-            if forces(tick):
-                source.on_force(force(tick), now)
-            answers.append(source.on_encoder(encoder(tick, position(tick)), now).force)
-        return force_to_torque(np.array(answers))
 
-    def test_plays_the_sine_and_stops(self, source):
-        marks = []
-        self.play(source, range(10))
-        source.begin(Sine(0.3, 10.0, 40, RATE), marks.append)
-        torque = self.play(source, range(10, 60))
-        expected = 0.3 * np.sin(2.0 * np.pi * 10.0 * np.arange(40) / RATE)
-        np.testing.assert_allclose(torque, [*expected, *[0.0] * 10], atol=1e-12)
-        assert marks == [(FIRST + 10) % 2**32]
-        assert not source.busy
-        assert not source.fault
+def test_a_sine_that_was_never_commanded_is_an_error():
+    with pytest.raises(RobotError, match="did not start"):
+        live.first_tick(bag(range(200)), stamp(45), Excitation(1, 0.3, 10.0, 40))
 
-    def test_linearized(self, source):
-        self.play(source, range(3))
-        sine = Sine(0.3, 10.0, 40, RATE, default_linearization())
-        source.begin(sine, lambda tick: None)
-        torque = self.play(source, range(3, 43))
-        assert torque.max() == pytest.approx(sine.peak) == pytest.approx(0.325)
 
-    def test_a_rotor_that_turns_ends_it(self, source):
-        self.play(source, range(3))
-        source.begin(Sine(0.3, 1.0, 400, RATE), lambda tick: None)
-        torque = self.play(source, range(3, 60), lambda tick: 0.2 + 5e-5 * (tick - 3))
-        assert "not locked" in source.fault
-        assert np.abs(torque[1:20]).min() > 0.0
-        assert not torque[22:].any()
-        assert source.out == 0.0
-
-    def test_a_silent_force_sensor_ends_it(self, source):
-        self.play(source, range(3))
-        source.begin(Sine(0.3, 1.0, 400, RATE), lambda tick: None)
-        torque = self.play(source, range(3, 60), forces=lambda tick: tick < 20)
-        assert source.fault.startswith("force sensor: no sample")
-        assert torque[10] != 0.0
-        assert not torque[-30:].any()
-
-    def test_a_silent_encoder_asks_for_a_zero_once(self, source):
-        self.play(source, range(3))
-        source.begin(Sine(0.3, 1.0, 400, RATE), lambda tick: None)
-        self.play(source, range(3, 20))
-        assert not source.idle(stamp(20))
-        assert source.idle(stamp(40)).force == 0.0
-        assert source.fault.startswith("encoder: no sample")
-        assert not source.idle(stamp(41))
-
-    def test_halted_it_is_zero_with_the_next_sample(self, source):
-        self.play(source, range(3))
-        source.begin(Sine(0.3, 1.0, 400, RATE), lambda tick: None)
-        self.play(source, range(3, 20))
-        source.halt()
-        assert not self.play(source, range(20, 30)).any()
-        assert not source.fault
+def test_the_stage_begins_where_the_nut_moves():
+    ticks = np.arange(200)
+    found = joined({
+        graph.ENCODER: topic(ticks, position=0.1 + 1e-4 * np.maximum(0, ticks - 60), velocity=0.0),
+        graph.FORCE: forces(ticks), graph.FORCE_COMMAND: {},
+    }, RATE)  # fmt: skip
+    assert live.first_moved(found, stamp(20)) == 60
 
 
 class TestRefusals:
-    session = SimpleNamespace(rate=RATE)
-
     @pytest.mark.parametrize(
         ("trial", "said"),
         [
@@ -245,22 +191,41 @@ class TestRefusals:
     )
     def test_a_sine_that_cannot_be_played(self, trial, said):
         with pytest.raises(NotPossible, match=said):
-            live_trials._sine(self.session, trial)
+            live.excitation_of(trial, RATE)
 
-
-    def test_sensors_with_another_clock(self, monkeypatch):
+    def test_sensors_with_another_clock(self):
         given = {"rate": 1000.0, "use_sim_time": True}
-        monkeypatch.setattr(live_session, "parameters", lambda *asked: given)
+        robot = SimpleNamespace(clock=WallClock(), parameters=lambda node, names: given)
         with pytest.raises(NotPossible, match="encoder runs with use_sim_time true"):
-            live_session.common_rate(SimpleNamespace(clock=WallClock()))
+            live.common_rate(robot)
 
-    def test_a_screw_with_another_lead(self, monkeypatch):
-        """The amplifier gave 0.55 Nm where 0.42 Nm were asked for and reported."""
-        monkeypatch.setattr(live_session, "parameters", lambda *asked: {"lead": 0.025})
+    def test_a_screw_with_another_lead(self):
+        robot = SimpleNamespace(parameters=lambda node, names: {"lead": 0.025})
         with pytest.raises(NotPossible, match="amplifier runs with a lead of 25 mm"):
-            live_trials.torque_trial(
-                SimpleNamespace(robot=None), None, TorqueTrial(1.0, 0.42, 7.0), None
-            )
+            live.check_screw(robot, "amplifier")
+
+    def test_a_handle_elsewhere_than_the_encoder_shows_names_home_and_lead(self):
+        robot = SimpleNamespace(newest=lambda kind: kind(position=0.205))
+        live.check_height(robot, 0.2045)
+        with pytest.raises(NotPossible, match="home the encoder.* lead is not the 19.05 mm"):
+            live.check_height(robot, 0.2)
+
+    @pytest.mark.parametrize(
+        ("simulated", "change", "said"),
+        [
+            (True, {"preloaded": True}, "without backlash.*preloaded: false"),
+            (True, {"side_force": 1.0}, "`make reproduce`.*side_force: 0.0"),
+            (True, {"tremor": 1e-3}, "`make reproduce`.*side_force: 0.0"),
+            (True, {"changed": 1}, "`make reproduce`.*side_force: 0.0"),
+            (False, {"way": 0.05}, "needs the simulated rig"),
+            (False, {"released_after": 3.0}, "needs the simulated rig"),
+        ],
+    )
+    def test_what_this_bench_lacks(self, simulated, change, said):
+        """The graph ran such a trial as if nothing had been asked for."""
+        trial = MotionTrial(FORCE_FEEDBACK, VerticalSettings())._replace(**change)
+        with pytest.raises(NotPossible, match=said):
+            made(simulated=simulated).record(trial, lambda share: None)
 
 
 class TestFeedback:
@@ -319,7 +284,7 @@ def test_an_enabled_drive_is_refused_with_the_whole_command():
         newest=lambda kind: kind(enabled=True),
     )
     with pytest.raises(NotPossible) as refused:
-        check_disabled(robot)
+        live.check_disabled(robot)
     words = shlex.split(str(refused.value).partition("disable it: ")[2])
     assert words == [
         "ros2", "service", "call", "/left/amplifier/enable", "std_srvs/srv/SetBool", "{data: false}"
@@ -333,39 +298,74 @@ def test_an_enabled_drive_is_refused_with_the_whole_command():
 def test_a_trial_ends_when_its_amplifier_has_ended(state, said):
     """A trial went on to its end after the amplifier was killed: silence counted as torque."""
     robot = SimpleNamespace(
-        state=lambda kind: state,
+        state=lambda kind: state if kind is AmplifierState else None,
         newest=lambda kind: state,
         met=lambda condition, patience: condition(),
         complaints_text=lambda: "; boom",
     )
     with pytest.raises(RobotError, match=said):
-        live_session.Experiment.check_enabled(SimpleNamespace(robot=robot))
+        live.check_acting(robot)
 
 
-def test_a_nut_that_the_graph_does_not_have_is_refused():
-    """The graph ran the trial with its backlash, and the result said "without backlash"."""
+class StillRobot:
+    """A robot on which every request succeeds at once; done: what was asked of it."""
 
-    def check_homed():
-        pytest.fail("the trial went on")
+    def __init__(self):
+        self.clock, self.done = ManualClock(10**9), []
+        self.watch = lambda: None
 
-    fixture = SimpleNamespace(require=lambda fixture: None, simulated=True)
-    experiment = SimpleNamespace(fixture=fixture, robot=None, check_homed=check_homed)
-    trial = MotionTrial(FORCE_FEEDBACK, VerticalSettings(), preloaded=True)
-    with pytest.raises(NotPossible, match="without backlash.*preloaded: false"):
-        Motion(experiment).trial(trial, lambda progress: None)
+    def parameters(self, node, names):
+        return {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True}
+
+    def enable(self, on=True):
+        self.done.append("torque on" if on else "torque off")
 
 
-class TestMotionTrials:
-    QUIET = MotionTrial(modes.OBSERVER, VerticalSettings())
+def made(simulated=True, robot=None, **fixture) -> LiveBench:
+    """Return a bench on a robot that stands still; its requests are those of the lease."""
+    robot = robot or StillRobot()
+    fixture = SimpleNamespace(simulated=simulated, **fixture)
+    bench = LiveBench(robot, robot.done.append, fixture, None, lambda text: None)
+    bench.__enter__()
+    return bench
 
-    @pytest.mark.parametrize("what", ["side_force", "tremor", "changed"])
-    def test_what_only_the_bench_in_process_has_is_refused(self, what):
-        with pytest.raises(NotPossible, match="`make reproduce`.*side_force: 0.0"):
-            check_possible(self.QUIET._replace(**{what: 1}), simulated=True)
 
-    @pytest.mark.parametrize("change", [{"way": 0.05}, {"released_after": 3.0}])
-    def test_the_rig_s_hand_holds_off_the_centre_and_lets_go_a_person_s_does_not(self, change):
-        trial = self.QUIET._replace(**change)
-        check_possible(trial, simulated=True)
-        with pytest.raises(NotPossible, match="needs the simulated rig"):
-            check_possible(trial, simulated=False)
+@pytest.mark.parametrize("where", ["_until", "hand_moves"])
+@pytest.mark.parametrize("error", [Cancelled("cancelled"), RobotError("the encoder is silent")])
+def test_the_torque_goes_off_before_the_hand_comes_to_rest(error, where):
+    """It stayed on for more than a second after a cancellation, until the hand was at rest."""
+
+    def failing(*_) -> None:
+        raise error
+
+    robot = StillRobot()
+    hand = {"hand_moves": lambda trial: None}
+    bench = made(robot=robot, **{**hand, **({where: failing} if where in hand else {})},
+                 hand_rests=lambda centre: robot.done.append("hand at rest"))  # fmt: skip
+    bench._torque_on = True
+    if where not in hand:
+        bench._until = failing
+    with pytest.raises(type(error)):
+        bench._moved(MotionTrial(FORCE_FEEDBACK, VerticalSettings()), lambda share: None)
+    assert robot.done == ["torque off", "hand at rest"]
+
+
+def test_the_lease_is_renewed_in_every_wait_also_while_cancelling_is_ignored():
+    robot = StillRobot()
+    bench = made(robot=robot)
+    bench._ask(Excitation(1, 0.3, 2.0, 100))
+    for _ in range(20):
+        robot.clock.sleep(0.02)
+        with bench._unhurried("what"):
+            robot.watch()
+    assert len(robot.done) == 5, "each 0.1 s, and at once"
+    assert {request.id for request in robot.done} == {robot.done[0].id}
+    bench._ask(Excitation())
+    assert robot.done[-1].id != robot.done[0].id and robot.done[-1].ticks == 0
+
+
+def test_what_cannot_be_restored_is_told():
+    bench = made()
+    with bench._unhurried("amplifier not disabled"):
+        raise RobotError("amplifier did not switch off")
+    assert bench.left == ["amplifier not disabled: amplifier did not switch off"]

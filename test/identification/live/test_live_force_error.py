@@ -18,7 +18,7 @@ from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.rig.build import RigSettings
-from screw_module_ros.trials.runner import GraphRun
+from screw_module_ros.trials.runner import GraphRun, recordings_in
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
@@ -30,8 +30,8 @@ CHOSEN = {"modes": [modes.OBSERVER], "cases": ["small"], "side_force": 0.0}
 def live(tmp_path_factory):
     """Return the result of `characterize` beside a graph of separate processes."""
     folder = tmp_path_factory.mktemp("live")
-    others = ["session_recorder", "endpoint_state"]
-    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others) as graph:
+    extra = [*AS_FAST_AS_IT_GOES, *recordings_in(folder / "bags")]
+    with GraphRun(extra=extra, without=["endpoint_state"]) as graph:
         ours = characterize(folder)
         try:
             with operated(graph) as (robot, client):

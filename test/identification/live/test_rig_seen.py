@@ -10,8 +10,8 @@ import can
 import pytest
 
 from screw_module_ros.can_io.bus import BusSettings
-from screw_module_ros.identification.live import rig_seen
-from screw_module_ros.identification.live.rig_seen import RigBusSettings, sees_rig
+from screw_module_ros.identification.live import fixture
+from screw_module_ros.identification.live.fixture import RigBusSettings, sees_rig
 
 ROBOT = SimpleNamespace(
     clock=SimpleNamespace(simulated=False), node=SimpleNamespace(get_namespace=lambda: "/")
@@ -23,7 +23,7 @@ def bus(request, monkeypatch):
     """Return the bus in the parameters of the node `encoder`."""
     settings = BusSettings(interface="virtual", channel=request.node.name)
     told = {"can.interface": "virtual", "can.channel": settings.channel, "node_id": 2}
-    monkeypatch.setattr(rig_seen, "parameters", lambda robot, node, names: told)
+    monkeypatch.setattr(ROBOT, "parameters", lambda node, names: told, raising=False)
     return settings
 
 
@@ -68,7 +68,7 @@ def test_an_encoder_on_another_bus_shows_no_rig(bus, talking):
 
 @pytest.mark.parametrize("interface", ["socketcan", "udp_multicast"])
 def test_hardware_is_no_rig(monkeypatch, interface):
-    monkeypatch.setattr(rig_seen, "open_bus", None)  # nor is it listened to
+    monkeypatch.setattr(fixture, "open_bus", None)  # nor is it listened to
     assert not sees_rig(ROBOT, BusSettings(interface=interface), RigBusSettings())
 
 

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a set point counts that nobody repeats."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from screw_module_ros.loop.inputs import SetpointInput
+
+NONE = math.nan, math.nan
+
+
+@pytest.mark.parametrize(
+    ("age_ns", "acts", "position", "velocity"),
+    [
+        (200_000_000, True, (0.1, -0.2), (0.3, 0.4)),
+        (200_000_001, True, (0.1, -0.2), (0.0, 0.0)),
+        (1_000_000_000, False, (0.1, -0.2), (0.0, 0.0)),
+        (1_000_000_001, False, NONE, (0.0, 0.0)),
+        (100_000_000_000, True, (0.1, -0.2), (0.0, 0.0)),
+    ],
+)
+def test_what_is_left_of_a_set_point(age_ns, acts, position, velocity):
+    given, wanted = SetpointInput(axes=2), (*position, *velocity)
+    assert given.at(1, True) == pytest.approx((*NONE, 0.0, 0.0), nan_ok=True)
+    given.ask((0.1, -0.2), (0.3, 0.4), 1)
+    assert given.at(1 + age_ns, acts) == pytest.approx(wanted, nan_ok=True)
+    # What was forgotten does not come back with the torque.
+    assert given.at(1 + age_ns, True) == pytest.approx(wanted, nan_ok=True)
+
+
+@pytest.mark.parametrize("pause_s", [0.2, 1.5])
+def test_enabled_again_it_does_not_pull_to_where_a_game_was(enabled, pause_s, monkeypatch):
+    """Its page was closed while the patient was strapped in again, the arm somewhere else."""
+    wanted = enabled.controller.wanted
+    wanted.ask((enabled.home + 0.1,), (0.0,), enabled.now_ns)
+    monkeypatch.setattr(wanted, "ask", lambda *_: None)
+    enabled.seconds(0.1)
+    assert enabled.disable() == ""
+    enabled.seconds(pause_s)
+    assert enabled.enable() == ""
+    enabled.seconds(1.0)
+    is_at_it = abs(enabled.controller.output.desired_position - enabled.home - 0.1) < 0.01
+    assert is_at_it == (pause_s < 1.0)
