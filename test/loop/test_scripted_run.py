@@ -150,7 +150,7 @@ class Apart:
 
     def _command(self, behind, output, mode) -> None:
         self._note(behind.sequence, output, mode)
-        self.commands.append((behind.sequence, behind.monotonic_ns, output.force))
+        self.commands.append((behind.sequence, behind.monotonic_ns, output.force, mode))
 
     def _inputs(self, now_ns: int) -> None:
         axis, controller = self.bench.axis, self.bench.controller
