@@ -56,6 +56,7 @@ TESTS = {
 """Tests that judge a room."""
 ENOUGH_S = 60.0
 """Tests of this duration in all judge a change; slower ones judge none."""
+_QUICK_S = 0.05
 _HANGS_S = 60.0
 
 _SWAPPED = {
@@ -186,7 +187,8 @@ class Judges:
     def _of(self, one: Mutant, room: str) -> list[str]:
         """Return the tests for a change, as many as the time allows.
 
-        The quickest come first, sooner when they call much and have caught other changes.
+        The quick ones come first, and of equally quick ones those that call much and have caught
+        other changes.
 
         Where none calls the function itself, as outside of all functions and in compiled code,
         these are the tests that call a function of the file, or else all of the room.
@@ -208,8 +210,10 @@ class Judges:
             chosen.append(test)
         return chosen
 
-    def _cost(self, test: str) -> float:
-        return self._seconds[test] / (1 + self._caught[test]) / (1 + len(self._called[test]))
+    def _cost(self, test: str) -> tuple[bool, float]:
+        seconds = self._seconds[test]
+        worth = (1 + self._caught[test]) * (1 + len(self._called[test]))
+        return seconds > _QUICK_S, seconds / worth
 
     def _first_failure(self, arguments: list[str], longest_s: float) -> str:
         """Run pytest in a child that has its libraries already; return the first failed test.

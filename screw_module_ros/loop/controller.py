@@ -168,8 +168,7 @@ class VerticalController:
             self._keep_fault()
         elif self.faulted and not self._must_reset:
             self.reset(now_ns)
-        self._enabled = None
-        self._agreement.restart()
+        self._enabled = None  # the next report begins a new comparison
 
     def count(self, now_ns: int) -> None:
         """Count the newest sample as answered at now_ns [ns]."""

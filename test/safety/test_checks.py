@@ -302,6 +302,13 @@ def test_a_number_that_is_not_that_of_the_tick_is_a_fault(bench, off):
     assert "this node at 1000 Hz" in bench.watch.fault.reason
 
 
+@pytest.mark.parametrize("off", [-1, 0, 1])
+def test_a_number_may_be_that_of_a_tick_beside(off):
+    bench = Bench()
+    assert bench.watch.encoder(encoder(100 + off, stamp_ns=100 * PERIOD_NS), bench.now_ns)
+    assert bench.watch.fault.reason == ""
+
+
 def test_numbers_wrap_and_a_late_wake_up_is_no_fault():
     bench = Bench()
     bench.tick = (1 << 32) - 4
