@@ -19,7 +19,7 @@ from screw_module_ros.loop.inputs import Guide
 from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops
 from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
-from screw_module_ros.safety.permit import PermitSettings
+from screw_module_ros.safety.permit import OPEN, PermitSettings
 
 MS = 1_000_000
 LAW = PlanarSettings()
@@ -166,7 +166,7 @@ def axis(sent, period_ns=MS) -> VerticalDrive:
     )
     port = SimpleNamespace(clock=ManualClock(1000 * MS), pump=lambda until_ns: None)
     made = VerticalDrive(drive, port, period_ns, PermitSettings(), TorqueChain())
-    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0)
+    made.permit = SimpleNamespace(phase=OPEN, step=lambda newest_ns, now_ns: 1.0)
     return made
 
 

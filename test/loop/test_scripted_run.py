@@ -150,7 +150,7 @@ class Apart:
 
     def _command(self, behind, output, mode) -> None:
         self._note(behind.sequence, output, mode)
-        self.commands.append((behind.sequence, behind.monotonic_ns, output.force))
+        self.commands.append((behind.sequence, behind.monotonic_ns, output.force, mode))
 
     def _inputs(self, now_ns: int) -> None:
         axis, controller = self.bench.axis, self.bench.controller
@@ -204,7 +204,7 @@ FAULTS = [
 
 
 def fault_run(device: str, fault: str, size: float):
-    """Yield the name and the digest of a short fault in motion, of a long one, and of the mend."""
+    """Yield the digest of a short fault in motion, of a long one, and what each mend answered."""
     bench = Bench(seed=5)
     try:
         bench.ready()
@@ -227,7 +227,8 @@ def fault_run(device: str, fault: str, size: float):
         _until(bench, begin + 400)
         answers += bench.enable(), bench.enable_plane()
         _until(bench, begin + 1000)
-        yield f"mended: {answers}", _digest(bench, begin)
+        # To clear a fault takes a thread of its own, whose tick no test can promise.
+        yield "mended", f"{answers}, {bench.rows[-1].reason}"
     finally:
         bench.close()
 
