@@ -137,12 +137,12 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, str]]:
         yield f"({ast.unparse(node.orelse)})", "only its else"
 
 
-def sampled(room: str, count: int, seed: int) -> list[Mutant]:
-    """Return `count` changes of a room, the same ones for the same seed and code."""
+def sampled(tree: Path, room: str, count: int, seed: int) -> list[Mutant]:
+    """Return `count` changes of a room in a tree, the same ones for the same seed and code."""
     found = [
         one
-        for path in sorted((ROOT / PACKAGE / room).rglob("*.py"))
-        for one in mutants(path, str(path.relative_to(ROOT)))
+        for path in sorted((tree / PACKAGE / room).rglob("*.py"))
+        for one in mutants(path, str(path.relative_to(tree)))
     ]
     return random.Random(seed).sample(found, min(count, len(found)))
 
@@ -184,7 +184,7 @@ class Judges:
     def _of(self, one: Mutant, room: str) -> list[str]:
         """Return the tests for a change, as many as the time allows.
 
-        The quickest come first, sooner when they have caught other changes.
+        The quickest come first, sooner when they call much and have caught other changes.
 
         Where none calls the function itself, as outside of all functions and in compiled code,
         these are the tests that call a function of the file, or else all of the room.
@@ -207,7 +207,7 @@ class Judges:
         return chosen
 
     def _cost(self, test: str) -> float:
-        return self._seconds[test] / (1 + self._caught[test])
+        return self._seconds[test] / (1 + self._caught[test]) / (1 + len(self._called[test]))
 
     def _first_failure(self, arguments: list[str], longest_s: float) -> str:
         """Run pytest in a child that has its libraries already; return the first failed test.
@@ -295,7 +295,7 @@ def main() -> int:
         except ValueError as error:
             parser.error(f"{error}\n{(tree / 'pytest.log').read_text(encoding='utf-8')[-3000:]}")
         for room, seed in itertools.product(given.rooms, given.seed):
-            chosen = sampled(room, given.count, seed)
+            chosen = sampled(tree, room, given.count, seed)
             survived = 0
             for one in chosen:
                 killer = judges.killer(one, room)

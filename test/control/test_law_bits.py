@@ -18,6 +18,13 @@ import pytest
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import planar
+from screw_module_ros.control.excitation import (
+    Excitation,
+    Excited,
+    as_numbers,
+    excitation_step,
+    from_numbers,
+)
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
@@ -250,7 +257,36 @@ def parts_run() -> str:
     return digest(shown)
 
 
+def excitation_run() -> str:
+    """Return the digest of sines, interrupted and ended, at the edges of what is accepted."""
+    chance, shown, memory = random.Random("excitation"), [], Excited()
+    wanted, sequence = Excitation(), 2**32 - 500
+    for tick in range(TICKS):
+        if sometimes(chance, 40):
+            wanted = Excitation(
+                chance.choice((wanted.id, tick)),
+                chance.choice((0.0, 0.2, 0.42, 0.4201, -0.1, math.nan)),
+                chance.choice((0.0, 10.0, 499.9, 500.0, -1.0)), chance.choice((0, 10, 90)),
+                chance.choice((None, IDENTITY, default_linearization(0.04, 0.03))),
+            )  # fmt: skip
+        sequence += chance.choice((1, 1, 1, 1, 2, 5))
+        moved = chance.choice((0.0, 0.0, 0.001, -0.001, 0.0011, -0.0011, math.nan))
+        place = memory.height + moved if sometimes(chance, 9) else memory.height
+        force, wrong = excitation_step(
+            wanted, memory, sequence & 0xFFFFFFFF, place, 1000.0, not sometimes(chance, 60)
+        )
+        refused = wanted.refusal(1000.0)
+        shown += [force, bool(wrong), bool(refused), 0.0 if refused else wanted.peak]
+        shown += [memory.id, -1 if memory.first is None else memory.first]
+        if wanted.linearization:
+            numbers = as_numbers(wanted.linearization)
+            assert from_numbers(numbers) == wanted.linearization
+            shown += numbers
+    return digest(shown)
+
+
 PARTS = {
+    excitation_run: "3bad2a67e38c69f2",
     slot_run: "bc2a79b1da27e586",
     chain_run: "332d5bf342944c58",
     parts_run: "ee51c28755d1ada5",

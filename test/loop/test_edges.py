@@ -14,6 +14,7 @@ from screw_module_ros.control.slot import Slot, SlotLimits
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import inverse
+from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.inputs import Guide
 from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops
@@ -114,6 +115,35 @@ def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench):
         plane.meter.consecutive_missed = missed
         plane._check(bench.now_ns)
         assert plane.permit.fault.reason == reason
+
+
+def test_what_a_frozen_joint_has_added_up_is_forgotten_without_torque(bench):
+    for each in bench.plane.joints:
+        assert each.frozen.check(each.angle, 50.0, 0.0) == ""
+        assert each.frozen.check(each.angle, 50.0, 0.09) == ""
+    bench.tick()
+    for each in bench.plane.joints:
+        assert each.frozen.check(each.angle, 50.0, 0.09) == ""
+
+
+def test_ticks_that_an_overrun_skips_are_counted_by_each_part(bench):
+    parts = (bench.plane, bench.axis, *bench.parts[:2])
+    before = [part.skipped for part in parts]
+    bench.clock.time_ns += 3_400_000
+    bench.tick()
+    # The plane's last tick came after that of the vertical loop.
+    assert [part.skipped - old for part, old in zip(parts, before, strict=True)] == [2, 3, 3, 3]
+
+
+def test_without_samples_every_part_of_the_command_is_zero(enabled):
+    enabled.setpoint = (enabled.home + 0.03, 0.0)
+    enabled.ticks(100)
+    shown = enabled.controller.output.desired_position
+    output = enabled.controller.idle(enabled.now_ns + 10**9)
+    assert output == NO_FORCE._replace(desired_position=shown)
+    assert output[:6] == (0.0,) * 6 and not output.saturated
+    assert (output.desired_velocity, output.share) == (0.0, 1.0)
+    assert enabled.controller.idle(enabled.now_ns + 10**9) is None, "zero is sent once"
 
 
 # -- slot -----------------------------------------------------------------------------------------

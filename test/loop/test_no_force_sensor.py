@@ -78,3 +78,23 @@ def test_a_fault_before_any_torque_ends_with_its_cause():
         if tick == 20:
             assert "jumped" in controller.reason
     assert controller.reason == ""
+
+
+def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sample():
+    """Each input of the controller may be the last one before the drive reports that it is off."""
+    bad = ForceReading(1000, 1000 * MS, 0, *[0.0] * 6, 1 << 4)
+    later = EncoderReading(1000, 1000 * MS, 0, 0, 0.30, 0.0, True)
+    future = EncoderReading(1000, 10**15, 0, 0, 0.18, 0.0, True)
+    for comes in (
+        lambda made: made.on_force(bad, 1000 * MS),
+        lambda made: made.on_encoder(later, 1000 * MS),
+        lambda made: made.on_encoder(future, 1000 * MS),
+        lambda made: made.set_fault("from elsewhere"),
+        lambda made: made.idle(1100 * MS),
+    ):
+        made = controller_in(modes.IMPEDANCE)
+        run(made, range(1, 1000), force=0.0)
+        assert not made.faulted
+        comes(made)
+        made.on_drive(False, 0.0, 1000 * MS)
+        assert made.faulted and made.reason

@@ -212,6 +212,7 @@ def fault_run(device: str, fault: str, size: float):
         bench.controller.mode = 4
         bench.world.set_arm(_STROKE)
         bench.setpoint, bench.planar_setpoint = (0.22, 0.05), (0.06, -0.05, 0.02, 0.0)
+        bench.plane.settings = bench.plane.settings._replace(stiffness=400.0)
         begin = len(bench.rows)
         bench.ticks(150)
         for name, ticks in (("for 3 ticks", 3), ("for 150 ticks", 150)):

@@ -270,6 +270,11 @@ def test_status_bits_one_by_one(bench, bit):
         assert bench.watch.fault.reason == ""
 
 
+def test_of_several_status_bits_the_lowest_is_named(bench):
+    bench.step(status=1 << 11 | 1 << 5 | 1 << 1)
+    assert bench.watch.fault.reason.endswith(f"{FORCE_STATUS_BITS[5]} (status bit 5)")
+
+
 def test_the_mask_is_that_of_the_manual():
     assert FORCE_FAULT_MASK == 0b0101_1001_1111_1100
 
