@@ -5,9 +5,9 @@
 
 Changes one comparison, sign, constant, condition or statement at a time, sampled with a fixed seed,
 in a copy of the checkout, and runs the tests that call the changed function, the quickest first,
-until one fails (`called.py` finds out once which test calls what). A change that no test notices
-survives; it is printed with its place. The checkout itself is never changed. With `--json` every
-change is kept with its killer, the first test that failed.
+until one fails. `called.py` finds out once which test calls what; tests marked `long` judge no
+change. A change that no test notices survives; it is printed with its place. The checkout itself is
+never changed. With `--json` every change is kept with its killer, the first test that failed.
 """
 
 from __future__ import annotations
@@ -156,7 +156,9 @@ class Judges:
         out = tree / "called.json"
         os.environ.update(CALLED_IN=str(tree / PACKAGE), CALLED_OUT=str(out))
         folders = sorted({folder for room in rooms for folder in TESTS[room]})
-        if failed := self._first_failure(["-p", "called", *folders], LONGEST_S):
+        if failed := self._first_failure(
+            ["-p", "called", "-m", "not long and not fault", *folders], LONGEST_S
+        ):
             raise ValueError(f"{failed} fails without any change")
         found = json.loads(out.read_text(encoding="utf-8"))
         self._seconds = {test: each["seconds"] for test, each in found.items()}

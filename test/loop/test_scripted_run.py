@@ -22,8 +22,6 @@ from bench import PERIOD_NS, Bench
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
 
-pytestmark = pytest.mark.long
-
 _STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
 
 
