@@ -31,7 +31,8 @@ _DECADE = 10.0
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]
-_OTHER_LEAD = 0.01  # of the speed; no positioning stage is off by as much
+_SAME_LEAD, _NO_LEAD = 0.01, 0.6
+"""Difference of speeds that a positioning stage never has, and one that no screw explains."""
 _LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
 LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
 
@@ -117,7 +118,7 @@ def steady_part(trial: StageTrial, samples: Samples) -> Steady:
     allowed = 4.0 * spread + 2.0 * _COUNT
     slope, shift = np.polyfit(time[middle], position[middle], 1)
     own = (position[middle] - slope * time[middle] - shift).std()
-    if abs(slope / trial.speed - 1.0) > _OTHER_LEAD and own < 0.1 * spread:
+    if _SAME_LEAD < abs(slope / trial.speed - 1.0) < _NO_LEAD and own < 0.1 * spread:
         raise ValueError(
             f"the encoder shows {1e3 * slope:.4g} mm/s where the stage moves at "
             f"{1e3 * trial.speed:g} mm/s: the screw has a lead of "

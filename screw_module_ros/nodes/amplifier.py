@@ -148,11 +148,7 @@ class AmplifierNode(DriveNode):
 
     # Services ------------------------------------------------------------------------------
 
-    def enable(self) -> str:
-        """Enable; return why it failed, empty when done."""
-        return self._tell_limit() or super().enable()
-
-    def _tell_limit(self) -> str:
+    def prepare(self) -> str:
         """Tell the drive its own limit for the mode that is to be enabled; return why not.
 
         Its own limit of the laws is less than a trial needs, and must be back after it.

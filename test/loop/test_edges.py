@@ -196,7 +196,7 @@ def axis(sent, period_ns=MS) -> VerticalDrive:
     )
     port = SimpleNamespace(clock=ManualClock(1000 * MS), pump=lambda until_ns: None)
     made = VerticalDrive(drive, port, period_ns, PermitSettings(), TorqueChain())
-    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0, phase=OPEN)
+    made.permit = SimpleNamespace(phase=OPEN, step=lambda newest_ns, now_ns: 1.0)
     return made
 
 

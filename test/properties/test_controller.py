@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.limits import LONGEST_STEP
+from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -94,7 +95,7 @@ class Controller(RuleBasedStateMachine):
             sample = EncoderReading(*begin, 0, position, 0.0, True)
             self.judge(self.respond(sample, setpoint))
 
-    @rule(mode=st.integers(1, 4), count=st.integers(20, 200), setpoint=setpoints)
+    @rule(mode=st.integers(1, OBSERVER), count=st.integers(20, 200), setpoint=setpoints)
     def bring_up(self, mode, count, setpoint):
         """From whatever there was to a force on the handle."""
         self.controller.mode = mode
@@ -103,7 +104,7 @@ class Controller(RuleBasedStateMachine):
         self.amplifier(True, 0.0)
         self.work(count, 0.18, setpoint)
 
-    @rule(mode=st.integers(3, 4), pull=st.floats(-80.0, 80.0), count=st.integers(1, 20))
+    @rule(mode=st.integers(3, OBSERVER), pull=st.floats(-80.0, 80.0), count=st.integers(1, 20))
     def pull(self, mode, pull, count):
         """The patient's hand comes suddenly, while its force is fed back."""
         self.bring_up(mode, 100, (0.18, 0.0))

@@ -60,7 +60,11 @@ class DriveNode(DriverNode):
 
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
-        return self._senders.count() or self.permit.enable(self.clock)
+        return self._senders.count() or self.prepare() or self.permit.enable(self.clock)
+
+    def prepare(self) -> str:
+        """Tell the drives what this enabling needs; return why they cannot be enabled."""
+        return ""
 
     def clear_fault(self) -> str:
         """Recover; return the remaining fault, empty if none."""
