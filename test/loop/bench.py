@@ -66,30 +66,34 @@ class BenchClock(ManualClock):
         self.serve = lambda: None
         self._loop = threading.current_thread()
         self._turn = threading.Condition()
-        self._between_ticks = False
+        self._may_go_on = True
         self._due_ns: int | None = None  # until when the other thread waits; None while it works
 
     def sleep_until(self, due_ns: int) -> None:
         if threading.current_thread() is self._loop:
             self.time_ns = max(self.time_ns, due_ns)
             self.serve()
+            if self._due_ns is not None:
+                with self._turn:
+                    self._turn.notify_all()
             return
         with self._turn:
             self._due_ns = due_ns
             self._turn.notify_all()
-            self._turn.wait_for(lambda: self._between_ticks and self.time_ns >= due_ns)
+            self._turn.wait_for(lambda: self._may_go_on and self.time_ns >= due_ns)
             self._due_ns = None
 
     def settle(self, ended: list) -> None:
         """Wait until the other thread waits for a later time, or has put something in `ended`.
 
-        Only meanwhile it goes on: within a tick it would find things now done and now not yet.
+        Until it has, only meanwhile it goes on: within a tick it would find things now done and
+        now not yet.
         """
         with self._turn:
-            self._between_ticks = True
+            self._may_go_on = True
             self._turn.notify_all()
             self._turn.wait_for(lambda: ended or (self._due_ns or 0) > self.time_ns)
-            self._between_ticks = False
+            self._may_go_on = bool(ended)
 
     def end(self, ended: list, answer: str) -> None:
         """Note the answer of the other thread."""

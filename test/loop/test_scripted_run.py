@@ -202,7 +202,7 @@ FAULTS = [
 
 
 def fault_run(device: str, fault: str, size: float):
-    """Yield the digest of a short fault in motion, of a long one, and what each mend answered."""
+    """Yield the digest of a short fault in motion, of a long one, and what the mend answered."""
     bench = Bench(seed=5)
     try:
         bench.ready()
@@ -226,8 +226,7 @@ def fault_run(device: str, fault: str, size: float):
         _until(bench, begin + 400)
         answers += bench.enable(), bench.enable_plane()
         _until(bench, begin + 1000)
-        # To clear a fault takes a thread of its own, whose tick no test can promise.
-        yield "mended", f"{answers}, {bench.rows[-1].reason}"
+        yield "mended", f"{answers}, {bench.rows[-1].reason}: {_digest(bench, begin)}"
     finally:
         bench.close()
 
