@@ -17,7 +17,7 @@ from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.inputs import Guide
-from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops
+from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops, hand_torques
 from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
 from screw_module_ros.safety.permit import OPEN, PermitSettings
@@ -115,6 +115,37 @@ def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench):
         plane.meter.consecutive_missed = missed
         plane._check(bench.now_ns)
         assert plane.permit.fault.reason == reason
+
+
+@pytest.mark.parametrize(("sign", "faulty", "doubted"), [(-1, 0, 0), (1, 0, 1), (1, 1, 0)])
+def test_a_joint_is_judged_by_motor_and_hand_together(bench, sign, faulty, doubted):
+    """Against the hand they balance; with a faulty force sample nobody knows."""
+    plane = bench.plane
+    assert bench.enable_plane() == ""
+    bench.ticks(3)
+    sample = bench._readings[-1]._replace(
+        monotonic_ns=bench.now_ns, fx=20.0, fy=-25.0, status=faulty << 4
+    )
+    plane.on_force(sample, bench.now_ns)
+    plane.permit.fault.clear()
+    pushed = hand_torques(*(each.angle for each in plane.joints), 20.0, -25.0)
+    assert max(map(abs, pushed)) > 3.0
+    plane.written = tuple(sign * torque for torque in pushed)
+    for _ in range(120):
+        plane._check_frozen()
+    assert ("position (6064)" in plane.permit.fault.reason) == bool(doubted)
+
+
+def test_before_the_first_tick_nothing_is_commanded(bench):
+    assert axis([]).last == (0.0, 0.0, False) and axis([]).asked == 0.0
+    plane = bench.plane
+    assert bench.enable_plane() == ""
+    bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
+    bench.ticks(100)
+    assert plane.written != (0.0, 0.0) and plane.meter.samples
+    plane.restart()
+    assert (plane.written, plane.output, plane.meter.samples) == ((0.0, 0.0), None, 0)
+    assert (plane.skipped, plane.homed, plane.measures(bench.now_ns)) == (0, False, False)
 
 
 def test_what_a_frozen_joint_has_added_up_is_forgotten_without_torque(bench):

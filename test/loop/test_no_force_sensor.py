@@ -98,3 +98,8 @@ def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sa
         comes(made)
         made.on_drive(False, 0.0, 1000 * MS)
         assert made.faulted and made.reason
+    # After its reset, a fault without torque ends with its cause again.
+    made.reset(1000 * MS)
+    made.set_fault("from elsewhere")
+    made.on_drive(False, 0.0, 1001 * MS)
+    assert made.fault.reason != "from elsewhere"
