@@ -24,7 +24,6 @@ EXEMPT = {
     "trials/runner.py": "tells the user how long it took",
     "trials/demo.py": "tells the user how long it took",
     "trials/bench.py": "measures how fast the in-process loop is",
-    "identification/live/characterize.py": "ends its process",
     "identification/reproduce.py": "tells the user how long it took",
 }
 

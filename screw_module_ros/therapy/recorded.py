@@ -86,9 +86,12 @@ class Recorded(NamedTuple):
 
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
     """Return sessions by their begins; in the given order if that of one is unknown."""
-    begins = {id(session): session.begun for session in sessions}
-    known = {key: begun for key, begun in begins.items() if begun is not None}
-    return sorted(sessions, key=lambda one: known[id(one)]) if known == begins else list(sessions)
+    dated = sorted(
+        (begun, place)
+        for place, session in enumerate(sessions)
+        if (begun := session.begun) is not None
+    )
+    return [sessions[p] for _, p in dated] if len(dated) == len(sessions) else list(sessions)
 
 
 def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:

@@ -154,13 +154,14 @@ class LastResort:
 
     Fast DDS can deadlock while it removes a topic (its issues 6193 and 6502), and rclpy holds the
     interpreter's lock meanwhile. So a timer of the C library calls `_exit`, in a thread of its own.
+    Where the system has none left, nothing ends it: no error may keep the drives from their exit.
     """
 
     def __init__(self, code: int, after_s: int = _TEARDOWN_S) -> None:
         self._after_s = after_s
         self._timer, event = ctypes.c_void_p(), _TimerEvent(value=code, notify=_SIGEV_THREAD)
         event.function = ctypes.cast(ctypes.CDLL(None)._exit, ctypes.c_void_p)  # of `value`
-        _of_c(_RT.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer)))
+        _RT.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer))
 
     def arm(self) -> None:
         """End after that time; the stacks are written to stderr a second before."""
@@ -174,10 +175,10 @@ class LastResort:
 
     def _set(self, seconds: int) -> None:
         setting = (ctypes.c_long * 4)(0, 0, seconds, 0)  # struct itimerspec: interval, value
-        _of_c(_RT.timer_settime(self._timer, 0, setting, None))
+        _RT.timer_settime(self._timer, 0, setting, None)
 
 
-_RT = ctypes.CDLL("librt.so.1", use_errno=True)  # since glibc 2.34 it is part of libc
+_RT = ctypes.CDLL("librt.so.1")  # since glibc 2.34 it is part of libc
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
 
 
@@ -188,11 +189,6 @@ class _TimerEvent(ctypes.Structure):
         ("value", ctypes.c_void_p), ("signal", ctypes.c_int), ("notify", ctypes.c_int),
         ("function", ctypes.c_void_p), ("attributes", ctypes.c_void_p), ("rest", ctypes.c_long * 4),
     )  # fmt: skip
-
-
-def _of_c(result: int) -> None:
-    if result != 0:
-        raise OSError(ctypes.get_errno(), "no timer for the end of the process")
 
 
 def _scheduling(nodes: list[Node]) -> RealtimeSettings:
