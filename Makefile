@@ -44,11 +44,10 @@ test: build  ## the tests without those marked long; pass options with ARGS="-k 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
 
-lint: build  ## style, docstrings, types, the import rule, the clock rule, no room heavier than before
+lint: build  ## style, docstrings, clocks, types, which room imports which, no room heavier than before
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) -m mypy
-	@$(VENV_PYTHON) tools/import_rule.py
-	@$(VENV_PYTHON) tools/clock_rule.py
+	@.venv/bin/lint-imports --cache-dir build/imports
 	@$(VENV_PYTHON) tools/ratchet.py
 
 shell: build  ## a shell in which the nodes can be started by name

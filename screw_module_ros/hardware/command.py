@@ -28,7 +28,7 @@ from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, by_kind, load
 from ..profiles import NODES as DRIVERS
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
-from ..settings import load as load_yaml
+from ..settings_file import load as load_yaml
 from . import devices, machine
 from .devices import Bus
 from .finding import TO_DO, Finding, table

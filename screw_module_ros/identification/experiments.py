@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..settings import parse, read
+from ..settings import read
+from ..settings_file import parse
 from . import (
     amplifier_response,
     back_drive,

@@ -33,7 +33,6 @@ SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
 _RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
-_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
 _WALL_MASS = 0.0  # a wall does not move
 
 

@@ -48,7 +48,6 @@ THESIS = {
 }
 WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
 TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
-TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
 REFERENCE = 40.0  # speed with a speed factor of one in a fit [mm/s]
 NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml
 PARAMETERS = TREND + RIPPLE + 3

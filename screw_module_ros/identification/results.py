@@ -16,7 +16,8 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from ..settings import SettingError, parse, plain, read
+from ..settings import SettingError, plain, read
+from ..settings_file import parse
 
 MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
 """Kinds of a quantity: found from the samples of trials; arithmetic on printed values; a printed

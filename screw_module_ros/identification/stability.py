@@ -54,7 +54,6 @@ _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gai
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
-_LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _SHOWN = 1.0  # least gain of the figure
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 _WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal

@@ -75,10 +75,7 @@ class TorqueTrial(NamedTuple):
     linearization: Linearization | None = None
     rate: float = 0.0
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({TORQUE})
+    needs = frozenset({TORQUE})  # what a bench must offer
 
 
 class AnalyzerTrial(NamedTuple):
@@ -92,10 +89,7 @@ class AnalyzerTrial(NamedTuple):
     duration: float
     rate: float = 256_000.0
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({ANALYSER})
+    needs = frozenset({ANALYSER})  # what a bench must offer
 
 
 class StageTrial(NamedTuple):
@@ -110,10 +104,7 @@ class StageTrial(NamedTuple):
     end: float
     upside_down: bool = False
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({STAGE})
+    needs = frozenset({STAGE})  # what a bench must offer
 
 
 class Arm(NamedTuple):
@@ -185,10 +176,7 @@ class PlanarTrial(NamedTuple):
     tremor: float = 0.0
     released_after: float = math.inf
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({PLANE})
+    needs = frozenset({PLANE})  # what a bench must offer
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial

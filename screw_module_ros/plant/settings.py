@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from ..resources import resource_path
-from ..settings import Setting, read_file
+from ..settings import Setting
+from ..settings_file import read_file
 from .amplifier import Amplifier, amplifier_step_settings
 from .friction import Friction
 from .instruments import Transducer

@@ -102,7 +102,6 @@ REFUSED = [
     ("compliant_mounting", {"top_mass": -1.0}, "top_mass"),
     ("compliant_mounting", {"wanted": 5e4}, "no screw of this inertia"),
     ("component_masses", {"rotor_inertia": -1e-5}, "rotor_inertia"),
-    ("back_drive", {"plane": "mine"}, "appendix_d"),
     ("back_drive", {"half_depth": 0.4}, "out of reach"),
     ("back_drive", {"lead": 0.0}, "lead"),
 ]
