@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import docs_site
 import yaml
 
+import docs_site
 from screw_module_ros.graph import TOPICS
 from screw_module_ros.programs import PROGRAMS
 from screw_module_ros.settings import Setting
