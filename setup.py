@@ -19,8 +19,9 @@ setup(
     version="0.1.0",
     description="A three-axis upper-limb therapy robot: MIT-MANUS and a vertical screw module.",
     license="Apache-2.0",
+    author="screw_module_ros maintainers",
     maintainer="screw_module_ros maintainers",
-    maintainer_email="screw_module_ros@users.noreply.github.com",
+    maintainer_email="unpublished@screw-module-ros.invalid",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
