@@ -30,6 +30,7 @@ EXECUTABLES += [
 EXECUTABLES.append(f"check_hardware = {NAME}.hardware.command:main")
 EXECUTABLES.append(f"session = {NAME}.session_command:main")
 EXECUTABLES.append(f"reproduce = {NAME}.identification.reproduce:main")
+EXECUTABLES.append(f"study = {NAME}.identification.study:main")
 
 setup(
     name=NAME,

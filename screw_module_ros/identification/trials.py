@@ -22,9 +22,12 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+from ..plant.module import Grip
+from ..plant.patient import HandPath
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
+_RIGID = Grip()
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
@@ -157,6 +160,29 @@ class MotionTrial(NamedTuple):
         return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
 
 
+class HandTrial(NamedTuple):
+    """A `MotionTrial` whose hand moves otherwise, has a soft grip, or changes the mode; in process.
+
+    motion: the trial, whose amplitude, way and tremor do not count; before: path of the virtual
+    hand in the 3 s in which the spring fades in, then path: that of the trial; grip: of the hand;
+    switched_after: time at which the mode becomes then_mode [s].
+    """
+
+    motion: MotionTrial
+    before: HandPath
+    path: HandPath
+    grip: Grip = _RIGID
+    switched_after: float = math.inf
+    then_mode: int = 0
+
+    needs = frozenset({MOTION, ONLY_IN_PROCESS})  # what a bench must offer
+
+    @property
+    def duration(self) -> float:
+        """Of the samples [s]."""
+        return self.motion.duration
+
+
 class PlanarTrial(NamedTuple):
     """The hand moves the handle in the plane while the planar law runs; in process only.
 
@@ -179,7 +205,7 @@ class PlanarTrial(NamedTuple):
     needs = frozenset({PLANE})  # what a bench must offer
 
 
-Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial
+Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial
 
 
 class Samples(NamedTuple):
