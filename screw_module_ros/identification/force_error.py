@@ -9,6 +9,11 @@ tremor; in motion with a sideways force, which loads the bearing.
 
 On the live graph, where the handle's true motion and force are unknown, encoder and transducer
 replace them. The simulated rig there has no sideways force: `side_force` is 0.
+
+`robustness` measures the modes that use friction model, weight and mass without a calibration, with
+it, and after a change of the calibrated rig. A calibration is valid for the state of the rig at
+that time. Later, grease and wear change the friction, rollers slip to another phase, an operator
+mounts another handle (`plant.settings.changed_later`).
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ from matplotlib.figure import Figure
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
+from . import friction_model, gravity, inertia, static_torque
 from .figures import error_map
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part, by_name
@@ -114,6 +120,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     parts = lab.record(NAME, trials, reduced)
     quantities, data = figures_of(parts, where)
     return Result(NAME, quantities, settings._asdict(), _NOTES, data)
+
+
 _NOTES = (
     "Error: the patient's true force minus K (z - z0) + B z' at the true handle, over all samples; "
     "in OBSERVER B is at least the minimum of the mode. Data of each trial: mean, rms, 99th "
@@ -225,4 +233,107 @@ def draw(result: Result) -> dict[str, Figure]:
 EXPERIMENT = Experiment(
     NAME, "force error at the hand in every mode, over all samples, at rest and in motion",
     Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip
+
+
+# Calibrated, and changed since --------------------------------------------------------------
+
+STATES = {
+    "uncalibrated": "not calibrated",
+    "calibrated": "calibrated",
+    "changed": "changed since it was calibrated",
+}
+
+
+class RobustnessSettings(NamedTuple):
+    """Modes, trials, and seed of the change."""
+
+    modes: Annotated[
+        tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
+    ] = (modes.FRICTION_COMPENSATION, modes.COMBINED, modes.OBSERVER)
+    cases: Annotated[tuple[str, ...], Setting("trials of force_error by name", choices=())] = (
+        "slow", "fast", "small", "holding", "released",
+    )  # fmt: skip
+    change: Annotated[int, Setting("seed of the rig's change", "", 1, 2**31 - 1)] = 1
+    states: Annotated[
+        tuple[str, ...], Setting("of the rig: uncalibrated, calibrated, changed", choices=())
+    ] = tuple(STATES)
+    side_force: Annotated[
+        float, Setting("amplitude of the sideways force during motion", "N", 0.0, 50.0)
+    ] = SIDE_FORCE
+
+
+def run_changed(lab: Lab, settings: RobustnessSettings) -> Result:
+    """Measure every case in every mode and state.
+
+    Data: as in `run`, by mode, case and state. Raises MissingResult without the results of
+    the calibration, ValueError for unknown cases or modes, NotPossible on a real module, Cancelled.
+    """
+    validated(settings)
+    unknown = set(settings.modes) - set(modes.MODE_NAMES)
+    if unknown:
+        raise ValueError(f"modes: {min(unknown)} is unknown; known are {list(modes.MODE_NAMES)}")
+    if strange := set(settings.states) - set(STATES):
+        raise ValueError(f"states: {min(strange)!r} is unknown; known are {', '.join(STATES)}")
+    plain = VerticalSettings()
+    own = plain.calibrated(
+        lab.result(gravity.NAME).value("gravity"), lab.result(inertia.NAME).value("mass")
+    )
+    models = {
+        "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
+        "linearization": static_torque.measured_linearization(lab),
+    }
+    laws = {
+        "uncalibrated": (plain, {}),
+        "calibrated": (own, models),
+        "changed": (own, {**models, "changed": settings.change}),
+    }
+    trials, where = {}, {}
+    for mode in settings.modes:
+        for case_name in settings.cases:
+            case = pressed(case_of(case_name), settings.side_force)
+            for state in settings.states:
+                law, more = laws[state]
+                name = f"{name_of(mode, case_name)}_{state}"
+                law = with_damping(law, mode)
+                trials[name] = trial_of(case, mode, law, **more)
+                where[name] = f"{where_of(mode, case_name)}, {STATES[state]}"
+    quantities, data = figures_of(lab.record("robustness", trials, reduced), where)
+    return Result("robustness", quantities, settings._asdict(), _CHANGED, data)
+
+
+_CHANGED = (
+    "Not calibrated: the thesis's friction and dead zone, 10 N of weight, 5.5 kg. Calibrated: "
+    "friction, dead zone, weight and mass identified on this rig.",
+    "Changed: level and phase of the friction, phase of the rollers, weight of the handle and play "
+    "differ from those at the calibration; the transducer was tared again.",
+)
+
+
+def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
+    """Return the rms error [N] in each of `STATES`. Raises KeyError for a trial not measured."""
+    name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
+    uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
+    return uncalibrated, calibrated, changed
+
+
+def draw_changed(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every mode and state in every trial as a map."""
+    cases = list(result.settings["cases"])
+    rows = {
+        f"{modes.MODE_NAMES[mode].lower().replace('_', ' ')}, {state}": [
+            result.value(f"rms_{name_of(mode, case)}_{state}") for case in cases
+        ]
+        for mode in result.settings["modes"]
+        for state in result.settings["states"]
+    }
+    title = "Force error without a calibration, with it, after a change"
+    return {"robustness": error_map(np.array(list(rows.values())), list(rows), cases, title)}
+
+
+ROBUSTNESS = Experiment(
+    "robustness",
+    "force error without a calibration, with it, and after a change of the calibrated rig",
+    RobustnessSettings, run_changed, draw_changed, HUMAN_ARM,
+    ("static_torque", "gravity", "friction_model", "inertia"),
 )  # fmt: skip

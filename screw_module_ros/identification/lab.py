@@ -10,6 +10,9 @@ way. With a pool, the trials run in worker processes.
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
+import os
+import signal
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -174,3 +177,16 @@ def by_name(what: str, known: Sequence[Named], name: str) -> Named:
             return one
     names = ", ".join(one.name for one in known)
     raise ValueError(f"{what}: {name!r} is unknown; known are {names}")
+
+
+def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
+    """Return a pool of processes, by default one per available core."""
+    count = workers or len(os.sched_getaffinity(0))
+    return ProcessPoolExecutor(
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare
+    )
+
+
+def _prepare() -> None:
+    """Ignore Ctrl-C; the parent handles it, waits for running trials and ends the pool."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
