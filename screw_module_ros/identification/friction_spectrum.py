@@ -14,7 +14,7 @@ from ..settings import Setting, validated
 from .figures import axes_for, printed
 from .lab import Lab, Part
 from .results import STAGE, Experiment, Published, Quantity, Result, beside
-from .stage_runs import at_least, ends_of, period_of, steady_part, turn_rate_hz
+from .stage_runs import at_least, period_of, stage_run, steady_part, turn_rate_hz
 from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
@@ -55,10 +55,10 @@ def run(lab: Lab, settings: Settings) -> Result:
     """
     validated(settings)
     at_least(settings.low, settings.high, 0.08, ": four turns of the screw")
-    trials = {}
-    for direction, sign in DIRECTIONS:
-        ends = ends_of(settings.low, settings.high, sign)
-        trials[direction] = StageTrial(sign * float(settings.speed), *ends)
+    trials = {
+        direction: stage_run(sign * float(settings.speed), settings.low, settings.high)
+        for direction, sign in DIRECTIONS
+    }
     parts = lab.record(NAME, trials, spectrum)
     data, quantities, notes = {}, [], []
     turn = turn_rate_hz(settings.speed)
@@ -82,8 +82,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 def spectrum(trial: StageTrial, samples: Samples) -> Part:
     """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, without trend."""
-    steady = steady_part(trial, samples)
-    force = detrend(samples.force[steady.begin : steady.end])
+    force = detrend(samples.force[steady_part(trial, samples)])
     frequency, power = periodogram(
         force, fs=1.0 / period_of(samples), window="hann", scaling="spectrum"
     )

@@ -46,7 +46,6 @@ _SHOWN = 4  # every n-th sample is kept for the figures
 _STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
 CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
 _CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
-_LEAST_S = 1.0  # of a record, several periods and the filter's ends
 _EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _SCALE = 0.2  # of the force in fig 5-33
@@ -130,6 +129,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     strict = [_ratio(record, settings, _STRICT) for record in records]
     mean, deviation = pooled(ratios)
     strict_mean, strict_deviation = pooled(strict)
+    shifts = np.array([r.shift for r in strict])
     nan = float("nan")
     quantities = (
         Quantity("mass", fit.mass, error, "kg", "mass at the handle, by regression"),
@@ -138,7 +138,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             "mass_thesis_strict", strict_mean, strict_deviation, "kg",
             "the same, accelerations of 2.5 m/s^2 and more",
         ),
-        Quantity("shift", *_shift(strict), "s", "best time shift of the strict ratio"),
+        Quantity("shift", *_mean_and_deviation(shifts), "s", "best time shift of the strict ratio"),
         Quantity("viscous_left", fit.viscous, nan, "N s/m", "viscous friction beyond the model"),
         Quantity("coulomb_left", fit.coulomb, nan, "N", "dry friction beyond the model"),
         Quantity("constant_left", fit.constant, nan, "N", "weight and zero beyond the model"),
@@ -149,7 +149,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             "fastest sample",
         ),
     )  # fmt: skip
-    data = {"shifts": np.array([r.shift for r in strict]), "mass": np.array(fit)}
+    data = {"shifts": shifts, "mass": np.array(fit)}
     for number, ((record, friction), found) in enumerate(zip(records, strict, strict=True)):
         data[f"time_{number}"] = record.time[::_SHOWN]
         data[f"acceleration_{number}"] = record.acceleration[::_SHOWN]
@@ -169,16 +169,13 @@ def pooled(ratios: list[Ratio]) -> tuple[float, float]:
 
     NaN when no record has a usable sample.
     """
-    masses = np.concatenate([r.mass[np.isfinite(r.mass)] for r in ratios])
-    if not len(masses):
-        return float("nan"), float("nan")
-    return float(masses.mean()), float(masses.std())
+    return _mean_and_deviation(np.concatenate([r.mass for r in ratios]))
 
 
-def _shift(ratios: list[Ratio]) -> tuple[float, float]:
-    """Return mean and standard deviation of the shifts [s] of the records that have one."""
-    shifts = [r.shift for r in ratios if np.isfinite(r.shift)]
-    return (float(np.mean(shifts)), float(np.std(shifts))) if shifts else (float("nan"),) * 2
+def _mean_and_deviation(values: np.ndarray) -> tuple[float, float]:
+    """Return both of the finite values, NaN without any."""
+    known = values[np.isfinite(values)]
+    return (float(known.mean()), float(known.std())) if len(known) else (math.nan, math.nan)
 
 
 def _trials(settings: Settings) -> dict[str, MotionTrial]:
@@ -239,14 +236,10 @@ def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
     """Differentiate a record as in 5.3.2: centre difference, low-pass, and both again.
 
     time [s], evenly spaced, position [m], force [N]. The result lacks the ends, where the filter
-    has only half of its samples. Raises ValueError for a record that is too short.
+    has only half of its samples.
     """
     period = (time[-1] - time[0]) / (len(time) - 1)
     taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, 1.0 / period)
-    if len(time) * period < _LEAST_S:
-        raise ValueError(
-            f"a record of {len(time) * period:.2g} s is too short: {_LEAST_S:g} s are needed"
-        )
     velocity = zero_phase(_centre_difference(position, period), taps)
     acceleration = zero_phase(_centre_difference(velocity, period), taps)
     smooth = zero_phase(zero_phase(force, taps), taps)
@@ -258,13 +251,6 @@ def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
 def _centre_difference(values: np.ndarray, period: float) -> np.ndarray:
     inner = oaconvolve(values, _CENTRE / period, mode="valid")
     return np.concatenate((inner[:1], inner, inner[-1:]))
-
-
-def usable(
-    velocity: np.ndarray, acceleration: np.ndarray, least_speed: float, least_acceleration: float
-) -> np.ndarray:
-    """Return the mask of samples fast [m/s] and accelerated [m/s^2] enough (5.3.2)."""
-    return (np.abs(velocity) >= least_speed) & (np.abs(acceleration) >= least_acceleration)
 
 
 def ratio(
@@ -285,7 +271,8 @@ def ratio(
     best, least = Ratio(float("nan"), np.full(len(inertial), np.nan)), np.inf
     for shift in range(-widest, widest + 1):
         moved = record.acceleration[widest - shift : len(inertial) - widest - shift]
-        use = usable(record.velocity[middle], moved, least_speed, least_acceleration)
+        fast = np.abs(record.velocity[middle]) >= least_speed
+        use = fast & (np.abs(moved) >= least_acceleration)
         if not use.any():
             continue
         found = inertial[middle][use] / moved[use]

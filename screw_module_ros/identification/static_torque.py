@@ -80,7 +80,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     trial = TorqueTrial(settings.omega / (2.0 * math.pi), settings.amplitude, settings.duration)
     raw = lab.record(NAME, {"raw": trial}, reduced)["raw"]
     torque, command = _smoothed(raw, settings)
-    fit = _fit(torque, command, _fewer(raw, settings))
+    fewer = _fewer(raw, settings)
+    fit = fit_pieces(torque, command)
+    fit = fit._replace(errors=fit.errors * fewer, joint_errors=fit.joint_errors * fewer)
     again = trial._replace(linearization=fit.linearization)
     linear = lab.record(NAME, {"linearized": again}, reduced)["linearized"]
     desired = desired_torque(fit.linearization, linear["command"])
@@ -95,7 +97,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     }
     quantities = (
         _largest(linear, fit, settings)
-        + _asymptotes(torque, command, settings, _fewer(raw, settings))
+        + _asymptotes(torque, command, settings, fewer)
         + _check(raw, desired, linear["torque"])
         + _found(fit)
     )
@@ -144,11 +146,6 @@ def _fewer(raw: Part, settings: Settings) -> float:
     About 2 x cutoff samples per second are independent.
     """
     return math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
-
-
-def _fit(torque: np.ndarray, command: np.ndarray, fewer: float) -> Pieces:
-    fit = fit_pieces(torque, command)
-    return fit._replace(errors=fit.errors * fewer, joint_errors=fit.joint_errors * fewer)
 
 
 def _asymptotes(
