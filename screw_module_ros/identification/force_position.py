@@ -29,7 +29,7 @@ from . import friction_model, gravity, static_torque
 from .figures import Trace, axes_for
 from .figures import force_position as loops
 from .force_metric import Spring, offsets
-from .lab import Lab, Part, by_name
+from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
 from .trials import Arm, MotionTrial, Samples
 
@@ -61,7 +61,7 @@ class Curve(NamedTuple):
     simulated: bool = False
 
 
-CURVES = (
+_CURVES = (
     Curve("pd_100", "6-1", modes.IMPEDANCE),
     Curve("pd_1000", "6-2", modes.IMPEDANCE, stiffness=1000.0, firm=True),
     Curve("damping_-25", "6-5", modes.IMPEDANCE, damping=-25.0),
@@ -75,6 +75,7 @@ CURVES = (
     Curve("simulated_pd", "6-12", modes.IMPEDANCE, simulated=True),
     Curve("simulated_feedback_5", "6-13", modes.FORCE_FEEDBACK, gain=5.0, simulated=True),
 )
+CURVES = {curve.name: curve for curve in _CURVES}
 _TITLES = {
     "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),
     "6-2": (("pd_1000",), "Fig. 6-2: PD, 1000 N/m, saturating below"),
@@ -116,13 +117,13 @@ class Settings(NamedTuple):
         float, Setting("of the hand against the spring of 1000 N/m", "N/m", 300.0, 5000.0)
     ] = 2000.0
     curves: Annotated[
-        tuple[str, ...], Setting("names of the curves to measure", choices=())
-    ] = tuple(curve.name for curve in CURVES)
+        tuple[str, ...], Setting("names of the curves to measure", choices=tuple(CURVES))
+    ] = tuple(CURVES)
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure the curves. Raises ValueError for an unknown curve, Cancelled, NotPossible."""
-    chosen = [by_name("curves", CURVES, name) for name in settings.curves]
+    """Measure the curves. Raises Cancelled, NotPossible."""
+    chosen = [CURVES[name] for name in settings.curves]
     trials = {curve.name: trial_of(curve, settings) for curve in chosen}
     parts = lab.record(NAME, trials, reduced)
     quantities = [
@@ -204,7 +205,7 @@ def draw(result: Result) -> dict[str, Figure]:
     for number, (names, title) in _TITLES.items():
         measured = [name for name in names if f"{name}/position" in result.data]
         if measured:
-            spring = Spring(_stiffness(measured[0]), result.settings["centre"])
+            spring = Spring(CURVES[measured[0]].stiffness, result.settings["centre"])
             traces = [_trace(result, name, _LABELS[name]) for name in measured]
             found[number] = loops(traces, spring, title)
     if {"pd_100/position", "friction_model/position"} <= result.data.keys():
@@ -232,10 +233,6 @@ def _reversal(result: Result) -> Figure:
 
 def _trace(result: Result, name: str, label: str) -> Trace:
     return Trace(label, *(result.data[f"{name}/{column}"] for column in _COLUMNS))
-
-
-def _stiffness(name: str) -> float:
-    return next(curve.stiffness for curve in CURVES if curve.name == name)
 
 
 EXPERIMENT = Experiment(

@@ -19,11 +19,11 @@ from matplotlib.ticker import FixedFormatter, FixedLocator
 from ..calibration.module import thesis_friction
 from ..control.friction import friction_force
 from ..figure_style import COLOURS
-from ..settings import Setting, validated
+from ..settings import Setting
 from .figures import THESIS_RATE, axes_for, filter_figure, printed
 from .lab import Lab
 from .results import STAGE, Experiment, Published, Quantity, Result, beside
-from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, at_least, binned, lowpass_taps, stage_run
+from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, binned, lowpass_taps, stage_run, too_near
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "friction_map"
@@ -62,17 +62,23 @@ class Settings(NamedTuple):
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
 
+    def flaw(self) -> str:
+        """Return what does not fit together."""
+        if sorted(set(self.speeds)) != list(self.speeds) or not self.speeds:
+            return f"speeds = {self.speeds}: must be ascending, without repetition"
+        if unknown := set(self.inverted_speeds) - set(self.speeds):
+            return f"inverted_speeds: {min(unknown):g} m/s is not among the speeds"
+        return too_near(self.low, self.high, 0.03)
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure the maps.
 
     Data: `speeds` [m/s], shape (n,), ascending; `centres` of the bins [mm], (142,); for each of
     `MAPS` the force [N] `NAME`, its standard error [N] `NAME_error` and samples `NAME_count`, all
-    (n, 142), NaN for bins not measured. Raises ValueError for inconsistent settings, and the errors
-    of `Lab.record`.
+    (n, 142), NaN for bins not measured. Raises the errors of `Lab.record`.
     """
     speeds = settings.speeds
-    _check(settings)
     parts = lab.record(NAME, _trials(settings), binned)
     data = {"speeds": np.array(speeds), "centres": CENTRES_MM}
     for name in MAPS:
@@ -128,15 +134,6 @@ def stribeck_velocity(speeds: np.ndarray, friction: np.ndarray) -> tuple[float, 
     curve, slope, _ = np.polyfit(x - x[1], y, 2)
     best = float(np.exp(x[1] - slope / (2.0 * curve)))
     return best, float(0.25 * (speeds[at + 1] - speeds[at - 1]))
-
-
-def _check(settings: Settings) -> None:
-    validated(settings)
-    if sorted(set(settings.speeds)) != list(settings.speeds) or not settings.speeds:
-        raise ValueError(f"speeds = {settings.speeds}: must be ascending, without repetition")
-    if unknown := set(settings.inverted_speeds) - set(settings.speeds):
-        raise ValueError(f"inverted_speeds: {min(unknown):g} m/s is not among the speeds")
-    at_least(settings.low, settings.high, 0.03)
 
 
 def _trials(settings: Settings) -> dict[str, StageTrial]:

@@ -26,7 +26,7 @@ from ..calibration.module import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
 from ..figure_style import COLOURS
 from ..geometry import SCREW
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import friction_map, gravity
 from .figures import axes_for, printed
 from .friction_map import FORCE, HEIGHT, SPEED
@@ -90,7 +90,6 @@ def run(lab: Lab, settings: Settings) -> Result:
     the same down [N], shape (speeds, bins). Raises MissingResult, ValueError for maps with too few
     cells.
     """
-    validated(settings)
     maps, weighed = lab.result(friction_map.NAME).data, lab.result(gravity.NAME)
     weight = weighed.value("gravity")
     speeds, z = maps["speeds"] * 1e3, maps["centres"]

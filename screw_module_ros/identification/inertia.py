@@ -26,7 +26,7 @@ from ..control import modes
 from ..control.friction import FrictionModel
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import friction_model
 from .figures import CREDIT, THESIS_RATE, axes_for, filter_figure
 from .friction_model import friction_along
@@ -72,6 +72,12 @@ class Settings(NamedTuple):
     ] = 0.0025
     widest_shift: Annotated[float, Setting("largest shift of the curves", "s", 0.0, 0.1)] = 0.030
 
+    def flaw(self) -> str:
+        """Return what is wrong with lists of different lengths, or without an entry."""
+        both = f"amplitudes ({len(self.amplitudes)}) and omegas ({len(self.omegas)})"
+        fits = len(self.amplitudes) == len(self.omegas) > 0
+        return "" if fits else f"{both} must be lists of one length"
+
 
 class Motion(NamedTuple):
     """A back-driven record: time [s], position [m], velocity [m/s], acceleration [m/s^2], force of
@@ -114,8 +120,8 @@ def run(lab: Lab, settings: Settings) -> Result:
 
     Quantity `mass` is by regression, `mass_thesis` by the thesis's ratio. Data: per record n
     `time_n`, `acceleration_n`, `inertial_n` (force minus friction and weight), `ratio_n` (0 for
-    excluded samples); `shifts` [s]. Raises ValueError for inconsistent settings or a handle that
-    hardly moved, MissingResult, and the errors of `Lab.record`.
+    excluded samples); `shifts` [s]. Raises ValueError for a handle that hardly moved,
+    MissingResult, and the errors of `Lab.record`.
     """
     trials = _trials(settings)
     model = friction_model.friction_model_of(lab.result(friction_model.NAME))
@@ -179,12 +185,6 @@ def _mean_and_deviation(values: np.ndarray) -> tuple[float, float]:
 
 
 def _trials(settings: Settings) -> dict[str, MotionTrial]:
-    validated(settings)
-    if len(settings.amplitudes) != len(settings.omegas) or not settings.omegas:
-        raise ValueError(
-            f"amplitudes ({len(settings.amplitudes)}) and omegas ({len(settings.omegas)}) must be "
-            "lists of one length"
-        )
     arm = Arm(
         float(settings.arm_mass), float(settings.arm_stiffness), float(settings.arm_damping)
     )

@@ -14,10 +14,10 @@ import multiprocessing
 import os
 import signal
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -31,15 +31,6 @@ Reduce = Callable[[Trial, Samples], Part]
 Progress = Callable[[str, float, float], None]
 """Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
 `Cancelled`."""
-
-
-class HasName(Protocol):
-    """An entry of a table of cases or curves."""
-
-    name: str
-
-
-Named = TypeVar("Named", bound=HasName)
 
 
 class MissingResult(RuntimeError):
@@ -168,15 +159,6 @@ def _keep(file: Path, part: Part) -> None:
     with unfinished.open("wb") as stream:
         np.savez(stream, **part)
     unfinished.replace(file)
-
-
-def by_name(what: str, known: Sequence[Named], name: str) -> Named:
-    """Return the one with this name. Raises ValueError with `what` and the known names."""
-    for one in known:
-        if one.name == name:
-            return one
-    names = ", ".join(one.name for one in known)
-    raise ValueError(f"{what}: {name!r} is unknown; known are {names}")
 
 
 def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:

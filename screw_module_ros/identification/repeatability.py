@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..figure_style import COLOURS
-from ..settings import Setting, validated
+from ..settings import Setting
 from .friction_map import FORCE, HEIGHT
 from .lab import Lab
 from .results import STAGE, Experiment, Quantity, Result
-from .stage_runs import CENTRES_MM, at_least, binned, stage_run
+from .stage_runs import CENTRES_MM, binned, stage_run, too_near
 from .trials import DIRECTIONS
 
 NAME = "repeatability"
@@ -30,15 +30,17 @@ class Settings(NamedTuple):
         float, Setting("offset of the second run's start", "m", 0.0, 0.01)
     ] = 0.001
 
+    def flaw(self) -> str:
+        """Return what is wrong with too short a way."""
+        return too_near(self.low, self.high, 0.03)
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Compare two runs up, and two down.
 
-    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises
-    ValueError for inconsistent settings, and the errors of `Lab.record`.
+    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises the
+    errors of `Lab.record`.
     """
-    validated(settings)
-    at_least(settings.low, settings.high, 0.03)
     trials = {}
     for direction, sign in DIRECTIONS:
         run = stage_run(sign * float(settings.speed), settings.low, settings.high)

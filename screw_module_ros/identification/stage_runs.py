@@ -167,7 +167,6 @@ def stage_run(speed: float, low: float, high: float, upside_down: bool = False) 
     return StageTrial(speed, *ends, upside_down=upside_down)
 
 
-def at_least(low: float, high: float, apart: float, why: str = "") -> None:
-    """Raise ValueError unless `high` lies above `low` by `apart` [m]."""
-    if high - low < apart:
-        raise ValueError(f"high must lie above low by {apart:g} m or more{why}")
+def too_near(low: float, high: float, apart: float, why: str = "") -> str:
+    """Return what is wrong unless `high` lies above `low` by `apart` [m], empty if nothing."""
+    return "" if high - low >= apart else f"high must lie above low by {apart:g} m or more{why}"

@@ -56,6 +56,12 @@ class Settings(NamedTuple):
         float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
     ] = 0.16
 
+    def flaw(self) -> str:
+        """Return what is wrong with a sine that is shorter than a period."""
+        period = 2.0 * math.pi / self.omega
+        short = f"duration = {self.duration:g} s is less than one period of the sine, {period:.3g}"
+        return f"{short} s" if self.duration < period else ""
+
 
 class Pieces(NamedTuple):
     """The fit: the map, and standard errors of (lower value and slope, upper value and slope at
@@ -70,13 +76,8 @@ class Pieces(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure, fit, and measure again through the fit. Raises ValueError, Cancelled, NotPossible.
 
-    ValueError: the sine is shorter than a period, or torque does not follow the command.
+    ValueError: torque does not follow the command.
     """
-    if settings.duration * settings.omega < 2.0 * math.pi:
-        raise ValueError(
-            f"duration = {settings.duration:g} s is less than one period of the sine, "
-            f"{2.0 * math.pi / settings.omega:.3g} s"
-        )
     trial = TorqueTrial(settings.omega / (2.0 * math.pi), settings.amplitude, settings.duration)
     raw = lab.record(NAME, {"raw": trial}, reduced)["raw"]
     torque, command = _smoothed(raw, settings)
