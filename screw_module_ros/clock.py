@@ -70,9 +70,9 @@ class Clock:
             self.sleep_until(min(deadline_ns, now_ns + _POLL_NS))
         return True
 
-    def arrivals(self, bus: Any) -> Arrivals:
-        """Return the arrivals of an open python-can bus."""
-        return PlainArrivals(self, bus)
+    def arrivals(self, frames: Any) -> Arrivals:
+        """Return the arrivals of a bus; frames: of `can_io.frames.frames_of`."""
+        return PlainArrivals(self, frames)
 
     def idle(self) -> None:
         """Tell that this thread has nothing to do with time from here on."""
@@ -113,13 +113,13 @@ class Serving:
 class PlainArrivals:
     """Arrivals of a bus that does its own waiting."""
 
-    def __init__(self, clock: Clock, bus: Any):
-        self._clock, self._bus = clock, bus
+    def __init__(self, clock: Clock, frames: Any):
+        self._clock, self._frames = clock, frames
 
     def receive(self, until_ns: int) -> Any:
         """Return the next frame; wait for it until `until_ns` at most, None without one."""
         left_ns = until_ns - self._clock.now_ns() if until_ns else 0
-        return self._bus.recv(left_ns * 1e-9 if left_ns > 0 else 0.0)
+        return self._frames.receive_frame(left_ns * 1e-9 if left_ns > 0 else 0.0)
 
     def expects(self) -> bool:
         """Return True: frames in transit are unknown."""
@@ -163,14 +163,14 @@ class ManualClock(Clock):
         """Advance the time to `due_ns`."""
         self.time_ns = max(self.time_ns, due_ns)
 
-    def arrivals(self, bus: Any) -> Arrivals:
+    def arrivals(self, frames: Any) -> Arrivals:
         """Return the arrivals of a bus; a wait for a frame ends at once."""
-        return _Unawaited(self, bus)
+        return _Unawaited(self, frames)
 
 
 class _Unawaited(PlainArrivals):
     def receive(self, until_ns: int) -> Any:
-        message = self._bus.recv(0.0)
-        if message is None and until_ns:
+        frame = self._frames.receive_frame(0.0)
+        if frame is None and until_ns:
             self._clock.sleep_until(until_ns)
-        return message
+        return frame

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import can
 
 from ..clock import Clock, WallClock
+from .frames import ERROR, EXTENDED_ID, OWN, STANDARD_ID, Frame, frames_of
 
 Callback = Callable[[bytes, int], None]
 
@@ -57,7 +58,8 @@ class Port:
         self.sync_producer = sync_producer
         self.name = name or str(bus.channel_info)
         self.clock = clock or WallClock()
-        self._arrivals = self.clock.arrivals(bus)
+        self._frames = frames_of(bus)
+        self._arrivals = self.clock.arrivals(self._frames)
         self.counters: Counter[str] = Counter()
         self.bus_off = False
         self._echoes = echoes
@@ -74,10 +76,9 @@ class Port:
 
         Raises BusError when the bus does not accept it (bus off, cable, full buffer).
         """
-        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
         try:
             with self._sending:  # not every backend of python-can takes sends from two threads
-                self.bus.send(message)
+                self._frames.send_frame(can_id, data)
         except (can.CanError, OSError) as error:
             self.counters["send_errors"] += 1
             raise BusError(
@@ -127,46 +128,48 @@ class Port:
         handled = 0
         for _ in range(MAX_FRAMES_PER_PUMP):
             try:
-                message = receive(0 if handled else until_ns)
+                frame = receive(0 if handled else until_ns)
             except (can.CanError, OSError) as error:
                 self.counters["receive_errors"] += 1
                 raise BusError(
                     f"cannot receive on {self.name}: {error.__cause__ or error}; check cable and "
                     "driver"
                 ) from error
-            if message is None:
+            if frame is None:
                 break
-            handled += dispatch(message, now_ns())
+            handled += dispatch(frame, now_ns())
         return handled
 
-    def _dispatch(self, message: can.Message, now_ns: int) -> int:
-        can_id = message.arbitration_id
-        odd = message.is_extended_id or message.is_remote_frame or message.is_error_frame
-        if odd or message.is_fd:  # no device of ours sends CAN FD
-            self._note_odd(message)
-            return 1
-        if self._echoes and not message.is_rx:
-            self.counters["echoes"] += 1
-            return 0
+    def _dispatch(self, frame: Frame, now_ns: int) -> int:
+        can_id, data = frame
+        if can_id > STANDARD_ID:
+            if can_id & ~(OWN | STANDARD_ID):  # no device of ours sends such frames
+                self._note_odd(can_id)
+                return 1
+            if self._echoes:
+                self.counters["echoes"] += 1
+                return 0
+            can_id &= STANDARD_ID
         self.counters["received"] += 1
         callbacks = self._callbacks.get(can_id)
         if can_id == SYNC_ID and self.sync_producer:
             self.counters["foreign_sync"] += 1
         elif callbacks is not None:
             for callback in callbacks:
-                callback(message.data, now_ns)
+                callback(data, now_ns)
         else:
             self.counters["unclaimed"] += 1
         return 1
 
-    def _note_odd(self, message: can.Message) -> None:
-        if not message.is_error_frame:
+    def _note_odd(self, word: int) -> None:
+        if not word & ERROR:
             self.counters["ignored"] += 1
             return
         self.counters["error_frames"] += 1
-        if message.arbitration_id & _BUS_OFF_FLAG:
+        classes = word & EXTENDED_ID
+        if classes & _BUS_OFF_FLAG:
             self.bus_off = True
-        elif message.arbitration_id & _RESTARTED_FLAG:
+        elif classes & _RESTARTED_FLAG:
             self.bus_off = False
 
     # -- waiting: not for the realtime loop ------------------------------------------------------

@@ -22,6 +22,7 @@ from typing import Any
 import can
 
 from ..domain import domain_id
+from .frames import ERROR, EXTENDED, EXTENDED_ID, REMOTE, STANDARD_ID, Frame, word_of
 
 WELCOME = b"\0"
 """The first packet to a new member: from now on it gets every frame."""
@@ -29,8 +30,7 @@ _WELCOME_S = 1.0  # wall clock; a rig that holds simulated time looks for new me
 # Identifier and flags, length, padding that carries whether simulated time waits for it, data.
 _FRAME = struct.Struct("=IBB2x8s")
 PACKET_BYTES = _FRAME.size + 1  # one more: longer packets are no frames
-_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-_STANDARD_ID, _EXTENDED_ID = 0x7FF, 0x1FFF_FFFF
+_ON_THE_WIRE = EXTENDED | REMOTE | ERROR | EXTENDED_ID
 _ENDED = "sim_rig has ended"
 _CHANNEL = re.compile(r"(\w+/)*\w+", re.ASCII)
 
@@ -70,28 +70,51 @@ class SimulatedBus(can.BusABC):
         """Return the packet of a classical frame; raises CanOperationError for any other."""
         if message.is_fd:
             raise can.CanOperationError(f"{self.channel_info} carries no CAN FD frames")
-        flags = (
-            _EXTENDED * message.is_extended_id
-            | _REMOTE * message.is_remote_frame
-            | _ERROR * message.is_error_frame
-        )
-        can_id = message.arbitration_id | flags
+        can_id = word_of(message) & _ON_THE_WIRE
         return _FRAME.pack(can_id, message.dlc, self.counted, message.data)
 
-    def unpacked(self, packet: bytes) -> can.Message:
-        """Return the frame in a packet that was read, and count it."""
-        flags, length, counted, data = _FRAME.unpack(packet)
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame, which the rig passes on to all others; raises CanOperationError."""
+        self._send_packet(self.packed(msg))
+
+    def send_frame(self, can_id: int, data: bytes) -> None:
+        """Send a plain frame as `send` does."""
+        self._send_packet(_FRAME.pack(can_id, len(data), self.counted, data))
+
+    def receive_frame(self, timeout_s: float | None) -> Frame | None:
+        """Return the next frame, None without one within `timeout_s` [s], and count it.
+
+        None: wait without limit. Raises CanOperationError.
+        """
+        packet = self._next_packet(timeout_s)
+        if packet is None:
+            return None
+        word, length, counted, data = _FRAME.unpack(packet)
         self.frames_counted += counted
-        extended, remote = bool(flags & _EXTENDED), bool(flags & _REMOTE)
-        return can.Message(
+        return word, data[:length]
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        frame = self.receive_frame(timeout)
+        if frame is None:
+            return None, False
+        word, data = frame
+        extended, remote = bool(word & EXTENDED), bool(word & REMOTE)
+        message = can.Message(
             timestamp=time.time(),
-            arbitration_id=flags & (_EXTENDED_ID if extended else _STANDARD_ID),
+            arbitration_id=word & (EXTENDED_ID if extended else STANDARD_ID),
             is_extended_id=extended,
             is_remote_frame=remote,
-            is_error_frame=bool(flags & _ERROR),
-            dlc=min(length, len(data)),
-            data=None if remote else data[:length],
+            is_error_frame=bool(word & ERROR),
+            dlc=len(data),
+            data=None if remote else data,
         )
+        return message, False
+
+    def _send_packet(self, packet: bytes) -> None:
+        raise NotImplementedError
+
+    def _next_packet(self, timeout_s: float | None) -> bytes | None:
+        raise NotImplementedError
 
 
 class RigBus(SimulatedBus):
@@ -114,9 +137,8 @@ class RigBus(SimulatedBus):
             raise can.CanInitializationError(str(error)) from error
         super().__init__(channel, **kwargs)
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame to the rig, which passes it on; raises CanOperationError."""
-        packet, link = self.packed(msg), self._link
+    def _send_packet(self, packet: bytes) -> None:
+        link = self._link
         if link is None:
             raise can.CanOperationError(_ENDED)
         try:
@@ -126,18 +148,18 @@ class RigBus(SimulatedBus):
         except OSError:
             raise can.CanOperationError(_ENDED) from None
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+    def _next_packet(self, timeout_s: float | None) -> bytes | None:
         try:
             link = self._link or self._join()
-            if timeout != 0.0:
-                select.select([link], (), (), timeout)
+            if timeout_s != 0.0:
+                select.select([link], (), (), timeout_s)
             while (packet := self._read(link)) == WELCOME:  # it has joined again
                 pass
         except BlockingIOError:
-            return None, False
+            return None
         except OSError as error:
             raise can.CanOperationError(str(error)) from None
-        return self.unpacked(packet), False
+        return packet
 
     def _read(self, link: socket.socket) -> bytes:
         """Return the packet that waits. Raises BlockingIOError without one, OSError."""

@@ -7,8 +7,6 @@ import select
 import socket
 from contextlib import suppress
 
-import can
-
 from .rig_bus import PACKET_BYTES, WELCOME, SimulatedBus, address
 
 _SEND_BUFFER_BYTES = 4 * 1024 * 1024
@@ -35,20 +33,19 @@ class RigHub(SimulatedBus):
         self._ready.register(self._door, select.EPOLLIN)
         super().__init__(channel)
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame to all members; raises CanOperationError for an FD frame."""
-        self._pass_on(self.packed(msg), 0)
+    def _send_packet(self, packet: bytes) -> None:
+        self._pass_on(packet, 0)
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        while ready := self._ready.poll(timeout, 1):
+    def _next_packet(self, timeout_s: float | None) -> bytes | None:
+        while ready := self._ready.poll(timeout_s, 1):
             number = ready[0][0]
             if number == self._door.fileno():
                 self._admit()
             elif packet := self._read(number):
                 self._pass_on(packet, number)
-                return self.unpacked(packet), False
-            timeout = 0.0
-        return None, False
+                return packet
+            timeout_s = 0.0
+        return None
 
     def _admit(self) -> None:
         with suppress(OSError):  # it has gone again

@@ -67,9 +67,10 @@ class SimulatedClock(Clock):
         """Return when it is `due_ns`. Raises TimeStandsStill."""
         self.member.wait(due_ns)
 
-    def arrivals(self, bus: Any) -> Arrivals:
+    def arrivals(self, frames: Any) -> Arrivals:
         """Return the arrivals of a bus that counts its members' frames."""
-        return (_CountedArrivals if hasattr(bus, "frames_counted") else PlainArrivals)(self, bus)
+        counts = hasattr(frames, "frames_counted")
+        return (_CountedArrivals if counts else PlainArrivals)(self, frames)
 
     def publisher(self, topic: str) -> End:
         """Return the publishing end of a topic (full name)."""
@@ -132,17 +133,18 @@ class _CountedArrivals:
         """Return the next frame; wait for it until `until_ns`, None without one."""
         if until_ns and not self._end.pending:
             self._clock.member.wait(until_ns, (self._end,))
-        message = self._bus.recv(0.0)
-        lost = not self._end.follows  # it was given up, and has now read everything
-        if message is None and self._end.pending:
-            message = self._bus.recv(_PASSED_ON_S)  # of another driver: the rig passes it on
-            lost = True
-        if message is None and lost:
-            self._end.catch_up()
+        frame = self._bus.receive_frame(0.0)
+        if frame is None:
+            lost = not self._end.follows  # it was given up, and has now read everything
+            if self._end.pending:
+                frame = self._bus.receive_frame(_PASSED_ON_S)  # of another driver: the rig passes
+                lost = True
+            if frame is None and lost:
+                self._end.catch_up()
         if self._bus.frames_counted != self._read:
             self._read = self._bus.frames_counted
             self._end.take_next()
-        return message
+        return frame
 
     def expects(self) -> bool:
         """Return whether a frame of another member is in transit."""

@@ -89,6 +89,8 @@ class VerticalController:
             self._keep_fault()
             return None
         last, self.answered = self.answered, sample
+        if last is not None and sample.homed != last.homed:
+            self._agreement.restart()
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
         self._check(now_ns)
         slot = self.guide.guidance(
@@ -133,17 +135,22 @@ class VerticalController:
         return self._enabled is True or self.output.force != 0.0
 
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
-        """Process the drive's report: torque on or off, travel of the nut [m]."""
+        """Process the drive's report: torque on or off, travel of the nut [m].
+
+        While the torque is off, encoder and drive are compared too, so that a slip at each enabling
+        adds up; where they disagree then, one of them counts anew, and so does the comparison.
+        """
         self._drive.note(now_ns)
         if not enabled and self.faulted and not self._must_reset:
             self.reset(now_ns)
-        last = self.answered
-        if enabled != self._enabled or not enabled or last is None:
+        if self._enabled is None:
             self._agreement.restart()
-        else:
-            self.fault.set(
-                self._agreement.check(last.position, position, last.velocity, now_ns)
-            )
+        if last := self.answered:
+            apart = self._agreement.check(last.position, position, last.velocity, now_ns)
+            if enabled:
+                self.fault.set(apart)
+            elif apart:
+                self._agreement.restart()
         self._enabled = enabled
         self._keep_fault()
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import can
 
+from screw_module_ros.can_io.frames import OWN, frames_of
 from screw_module_ros.clock import Clock
 
 Handler = Callable[[bytes, int], None]
@@ -23,14 +24,14 @@ class RigPort:
 
     def __init__(self, bus: can.BusABC, clock: Clock):
         self.bus = bus
-        self._arrivals = clock.arrivals(bus)
+        self._frames = frames_of(bus)
+        self._arrivals = clock.arrivals(self._frames)
         self.members: list[Callable[[], dict[int, Handler]]] = []
         self.first: dict[int, Handler] = {}
         self.now_ns = 0
         self.frames_in = self.frames_out = self.ignored = 0
         self.receive_errors = self.send_errors = 0
         self._table: dict[int, tuple[Handler, ...]] = {}
-        self._messages: dict[int, can.Message] = {}
 
     def fileno(self) -> int | None:
         """Return the file descriptor to select on, None if the interface has none."""
@@ -63,41 +64,28 @@ class RigPort:
         """Handle the next waiting frame without blocking; return whether there was one."""
         self.now_ns = now_ns
         try:
-            message = self._arrivals.receive(0)
+            frame = self._arrivals.receive(0)
         except (can.CanError, OSError, ValueError):
             self.receive_errors += 1
             return False
-        if message is None:
+        if frame is None:
             return False
+        word, data = frame
         self.frames_in += 1
-        handlers = self._table.get(message.arbitration_id)
-        if handlers is None or _unsupported(message):
+        handlers = self._table.get(word & ~OWN)  # other frames than plain ones have larger words
+        if handlers is None:
             self.ignored += 1
             return True
-        data = bytes(message.data)
         for handler in handlers:
             handler(data, now_ns)
         return True
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send one frame now; a bus that refuses it is counted, as on a real device."""
-        message = self._messages.get(can_id)
-        if message is None:
-            message = can.Message(arbitration_id=can_id, is_extended_id=False)
-            self._messages[can_id] = message
-        message.data = bytearray(data)
-        message.dlc = len(data)
         try:
-            self.bus.send(message)
+            self._frames.send_frame(can_id, data)
         except (can.CanError, OSError):
             self.send_errors += 1
         else:
             self._arrivals.sent()
             self.frames_out += 1
-
-
-def _unsupported(message: can.Message) -> bool:
-    """Return whether no simulated device answers this kind of frame."""
-    return (
-        message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
-    )

@@ -336,7 +336,7 @@ class Agreement:
         self._apart_since_ns: int | None = None
 
     def restart(self) -> None:
-        """Take the next pair as the new reference; call it after homing and after a restart."""
+        """Take the next pair as the new reference: after a homing, a reset, a silence."""
         self._reference = self._apart_since_ns = None
 
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str:

@@ -106,8 +106,10 @@ def test_another_program_of_this_computer_is_a_master_too(wire, monkeypatch, int
     port = open_port(BusSettings(interface=interface))
     frames: list[bytes] = []
     port.subscribe(0x201, lambda data, arrival: frames.append(bytes(data)))
-    port._dispatch(can.Message(arbitration_id=0x201, data=b"\x0f\0\0\0", is_extended_id=False,
-                               is_rx=False), 1)  # fmt: skip
+    sent = can.Message(arbitration_id=0x201, data=b"\x0f\0\0\0", is_extended_id=False, is_rx=False)
+    waiting = [sent]
+    monkeypatch.setattr(wire.bus, "recv", lambda timeout: waiting.pop() if waiting else None)
+    port.pump()
     assert frames == ([b"\x0f\0\0\0"] if is_heard else [])
 
 

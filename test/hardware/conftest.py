@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent.parent / "loop"))
-from bench import Bench
+from screw_module_ros.trials.one_thread import Bench
 
 
 @pytest.fixture

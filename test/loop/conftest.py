@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import pytest
-from bench import Bench
+
+from screw_module_ros.trials.one_thread import Bench
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 import pytest
-from bench import PERIOD_NS, Bench
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw
 from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
 
 pytestmark = pytest.mark.long
 
@@ -146,7 +146,7 @@ def test_a_drive_of_another_resolution_agrees_with_the_encoder(monkeypatch, coun
 
 def test_encoder_and_drive_on_different_leads_are_noticed(monkeypatch):
     """One of two nodes got the new screw's lead: said in a sentence before it goes far."""
-    monkeypatch.setattr("bench.SCREW", Screw(lead=0.0127))
+    monkeypatch.setattr("screw_module_ros.trials.one_thread.SCREW", Screw(lead=0.0127))
     bench = Bench()
     bench.ready()
     bench.controller.mode = modes.IMPEDANCE

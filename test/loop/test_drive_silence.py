@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import pytest
-from bench import PERIOD_NS, Bench
 
 from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
 
 MS = 1_000_000
 

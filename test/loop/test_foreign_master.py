@@ -8,11 +8,11 @@ import struct
 
 import can
 import pytest
-from bench import Bench
 
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.trials.one_thread import Bench
 
 LIMIT = largest_command(
     TorqueChain(linearization=default_linearization())

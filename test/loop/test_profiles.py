@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import pytest
-from bench import Bench
 
 from screw_module_ros import profiles
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotConfigured
 from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.trials.one_thread import Bench
 
 pytestmark = pytest.mark.long
 

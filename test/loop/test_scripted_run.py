@@ -17,10 +17,10 @@ from collections import deque
 from functools import partial
 
 import pytest
-from bench import PERIOD_NS, Bench
 
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
 
 _STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
 

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import pytest
-from bench import PERIOD_NS
+
+from screw_module_ros.trials.one_thread import PERIOD_NS
 
 
 def test_the_force_sensor_is_read_while_the_encoder_is_silent(bench):

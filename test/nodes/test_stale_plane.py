@@ -6,11 +6,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from bench import Bench
 from screw_module_msgs.msg import EndpointState, PlanarState
 
 from screw_module_ros.nodes.endpoint_state import _fill_plane, planar_joints
 from screw_module_ros.nodes.support.states import fill_plane
+from screw_module_ros.trials.one_thread import Bench
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import math
 
 import pytest
 from anything import fixed, near
-from bench import Bench
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
@@ -17,6 +16,7 @@ from screw_module_ros.control.modes import FORCE_FEEDBACK, OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.safety.permit import CLOSED, OPEN
+from screw_module_ros.trials.one_thread import Bench
 
 pytestmark = pytest.mark.long
 

@@ -9,14 +9,16 @@ from __future__ import annotations
 import math
 import threading
 import uuid
-from typing import NamedTuple
+from collections import deque
+from typing import Any, NamedTuple
 
 import can
-from lean_bus import LeanVirtualBus
+from can.interfaces.virtual import VirtualBus
 
 from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import ManualClock
+from screw_module_ros.clock import ManualClock, PlainArrivals
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
@@ -27,6 +29,7 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
@@ -70,6 +73,7 @@ class BenchClock(ManualClock):
         self._due_ns: int | None = None  # until when the other thread waits; None while it works
 
     def sleep_until(self, due_ns: int) -> None:
+        """Advance the time to `due_ns`."""
         if threading.current_thread() is self._loop:
             self.time_ns = max(self.time_ns, due_ns)
             self.serve()
@@ -101,32 +105,54 @@ class BenchClock(ManualClock):
             ended.append(answer)
             self._turn.notify_all()
 
-    def arrivals(self, bus: can.BusABC) -> Served:
-        return Served(self, bus)
+    def arrivals(self, frames: Any) -> Served:
+        """Return the arrivals of a bus; a wait for a frame lets the rig answer."""
+        return Served(self, frames)
 
 
-class Served:
+class Served(PlainArrivals):
     """What the rig sends on one bus: it may answer before time moves."""
 
-    def __init__(self, clock: BenchClock, bus: can.BusABC):
-        self._clock, self._bus = clock, bus
-
-    def receive(self, until_ns: int) -> can.Message | None:
-        message = self._bus.recv(0.0)
-        if message is None and until_ns:
+    def receive(self, until_ns: int) -> Frame | None:
+        """Return the next frame; None without one, when time has moved to `until_ns`."""
+        frame = self._frames.receive_frame(0.0)
+        if frame is None and until_ns:
             self._clock.serve()
-            message = self._bus.recv(0.0)
-            if message is None:
+            frame = self._frames.receive_frame(0.0)
+            if frame is None:
                 self._clock.sleep_until(until_ns)
-        return message
+        return frame
 
-    def expects(self) -> bool:
-        return True
 
-    def sent(self) -> None:
-        pass
+class FrameQueue(deque):
+    """Frames that wait at one end of a bus; python-can's own ends put messages into it."""
 
-    close = sent
+    def put(self, message: can.Message, **_: Any) -> None:
+        """Take a message."""
+        self.append((word_of(message), bytes(message.data)))
+
+
+class InProcessBus(VirtualBus):
+    """python-can's `virtual` bus without a message for each frame and a lock for each queue."""
+
+    def __init__(self, channel: str):
+        super().__init__(channel)
+        at = next(i for i, queue in enumerate(self.channel) if queue is self.queue)
+        self.queue = self.channel[at] = FrameQueue()
+
+    def send_frame(self, can_id: int, data: bytes) -> None:
+        """Hand a plain frame to every other end of the channel."""
+        for queue in self.channel:
+            if type(queue) is FrameQueue:
+                if queue is not self.queue:
+                    queue.append((can_id, data))
+            else:
+                message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+                queue.put(message)
+
+    def receive_frame(self, _timeout_s: float) -> Frame | None:
+        """Return the next frame, None without one; never waits."""
+        return self.queue.popleft() if self.queue else None
 
 
 class Row(NamedTuple):
@@ -232,7 +258,7 @@ class Bench:
         self.vertical = VerticalLoop(clock, PERIOD_NS, wires)
 
     def _bus(self, channel: str) -> can.BusABC:
-        bus = LeanVirtualBus(channel)
+        bus = InProcessBus(channel)
         self._buses.append(bus)
         return bus
 
@@ -255,7 +281,8 @@ class Bench:
         self.connect()
         self.ticks(30)
         self.encoder.home()
-        assert self.plane.take_home(self.now_ns) == ""
+        if refused := self.plane.take_home(self.now_ns):
+            raise NotNow(refused)
         self.force_sensor.tare(self.gather(120))
         self.ticks(20)
 
