@@ -42,7 +42,8 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
-               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja"]
+               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja",
+               "identification/*.jinja"]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 
 from ..figure_style import COLOURS, DESIRED
 from ..geometry import MANUS, inverse, jacobian
-from ..settings import Setting, validated
+from ..settings import Setting
 from .lab import Lab
 from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import (
@@ -134,9 +134,8 @@ def wedge(settings: Settings) -> Wedge:
 def run(lab: Lab, settings: Settings) -> Result:
     """Evaluate screw, plane and belt.
 
-    Raises ValueError for settings out of range and for a workspace beyond the arm's reach.
+    Raises ValueError for a workspace beyond the arm's reach.
     """
-    validated(settings)
     area = grid(settings.half_width, settings.half_depth, 41)
     bare = np.array([tensor(*point) for point in area])
     laden = bare + settings.module_mass * np.eye(2)

@@ -10,11 +10,14 @@ way. With a pool, the trials run in worker processes.
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
+import os
+import signal
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -28,15 +31,6 @@ Reduce = Callable[[Trial, Samples], Part]
 Progress = Callable[[str, float, float], None]
 """Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
 `Cancelled`."""
-
-
-class HasName(Protocol):
-    """An entry of a table of cases or curves."""
-
-    name: str
-
-
-Named = TypeVar("Named", bound=HasName)
 
 
 class MissingResult(RuntimeError):
@@ -167,10 +161,14 @@ def _keep(file: Path, part: Part) -> None:
     unfinished.replace(file)
 
 
-def by_name(what: str, known: Sequence[Named], name: str) -> Named:
-    """Return the one with this name. Raises ValueError with `what` and the known names."""
-    for one in known:
-        if one.name == name:
-            return one
-    names = ", ".join(one.name for one in known)
-    raise ValueError(f"{what}: {name!r} is unknown; known are {names}")
+def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
+    """Return a pool of processes, by default one per available core."""
+    count = workers or len(os.sched_getaffinity(0))
+    return ProcessPoolExecutor(
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare
+    )
+
+
+def _prepare() -> None:
+    """Ignore Ctrl-C; the parent handles it, waits for running trials and ends the pool."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

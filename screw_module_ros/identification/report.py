@@ -18,7 +18,7 @@ from rich.table import Table
 
 from ..control import modes
 from ..plant.settings import WorldSettings
-from . import robustness
+from . import force_error
 from .bench import LoopSettings
 from .results import MEASURED, Published, Quantity, Result
 
@@ -312,7 +312,7 @@ def robustness_rows(modules: Iterable[Module]) -> list[tuple[str, ...]]:
         if result := module.result("robustness"):
             for mode in result.settings["modes"]:
                 cells = [
-                    " / ".join(f"{rms:.2f}" for rms in robustness.rms_of(result, mode, case))
+                    " / ".join(f"{rms:.2f}" for rms in force_error.rms_of(result, mode, case))
                     for case in result.settings["cases"]
                 ]
                 rows.append((module.name, modes.MODE_NAMES[mode], *cells))

@@ -83,7 +83,6 @@ class Settings(NamedTuple):
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
-    validated(settings)
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
     usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
     feedback, moving, resting = laws_of(usual, velocity_cutoff)

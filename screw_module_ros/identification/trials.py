@@ -214,8 +214,9 @@ class Samples(NamedTuple):
     time: since the start of the excitation [s]; position: of the nut, by the encoder [m]; velocity:
     backward difference through the 30 Hz filter [m/s]; force: along z, of the patient or stage on
     the robot, zero subtracted [N]; torque: about z [Nm]; command: torque command to the amplifier
-    for this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN if not measured; for
-    a TorqueTrial the output of the current sensor of thesis C.2 [V].
+    for this sample [Nm] ([A] for the analyser), NaN in a motion on the live graph; current: of the
+    motor [A], NaN if not measured; for a TorqueTrial the output of the current sensor of thesis C.2
+    [V].
 
     True values, None on the live graph: handle [m], handle_velocity [m/s], true_force: of the
     patient on the robot [N]. share: remaining force gain after the chatter guard, 0 to 1; on the

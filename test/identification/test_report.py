@@ -143,7 +143,7 @@ def test_cells_cannot_break_a_table(tmp_path):
     cell = quantity(1.0)._replace(text="x|y")
     result = Result("repeatability", (cell,), {})
     report = Report([module_with(repeatability=Outcome(result, "", 1.0))])
-    text = "\n".join(page._text(report, {"repeatability": {}}, 1.0))
+    text = page.markdown(report, {"repeatability": {}}, 1.0)
     assert "<td>x|y</td>" in html_page(text, tmp_path)
 
 

@@ -29,7 +29,7 @@ from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.identification import calibration, certificate, delivered_impedance
 from screw_module_ros.identification.experiments import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.results import Result
+from screw_module_ros.identification.results import Experiment, Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
 from screw_module_ros.nodes.support.node import Node
 from screw_module_ros.nodes.support.place import below, root_folder
@@ -141,36 +141,28 @@ class CharacterizeNode(Node):
         if not request.experiment:
             return Outcome(RunExperiment.Result(success=True, message=listing()), True)
         self._doing = request.experiment
-        try:
-            return self._experiment(goal)
-        except Exception as error:
-            self.get_logger().error(traceback.format_exc())
-            said = f"{request.experiment}: {type(error).__name__}: {error}"
-            return _failed("; ".join([said, *_left(error)]))
-        finally:
-            self._doing = ""
-            self.clock.leave()
-
-    def _experiment(self, goal: Any) -> Outcome:
-        request = goal.request
         left: list[str] = []
-        cancelled, files = False, []
-        text = ""
+        files: list[str] = []
+        text = kept = ""
+        cancelled = False
         try:
             root = root_folder(self.parameters.read(ResultsSettings).folder)
             experiment, settings, folder = _checked(request, root)
-            kept = f"what was finished is kept in {folder}"
-            result, left = self._measured(goal, experiment, settings, folder)
-            files = [str(path) for path in _saved(result, folder, left)]
+            kept = f"; what was finished is kept in {folder}"
+            result = self._measured(goal, experiment, settings, folder, left)
+            files = [str(path) for path in result.save(folder)]
             text = result.as_yaml()
             message = f"{request.experiment} is done: {folder}"
         except Cancelled as error:
-            cancelled, left = True, _left(error)
-            message = f"{error}; {kept}"
+            cancelled, message = True, f"{error}{kept}"
         except _REASONS as error:
-            left = _left(error)
-            message = " ".join(str(error).split())
-            cancelled = goal.is_cancel_requested
+            cancelled, message = goal.is_cancel_requested, " ".join(str(error).split())
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            message = f"{request.experiment}: {type(error).__name__}: {error}"
+        finally:
+            self._doing = ""
+            self.clock.leave()
         message = "; ".join(dict.fromkeys([message, *left]))
         done = bool(text)
         if done and not left:
@@ -181,12 +173,9 @@ class CharacterizeNode(Node):
         return Outcome(answer, done, cancelled)
 
     def _measured(
-        self, goal: Any, experiment: Any, settings: Any, folder: Path
-    ) -> tuple[Result, list[str]]:
-        """Run the experiment; return its result and sentences about what could not be restored.
-
-        After an error these sentences are in the error's attribute `left` (see `_left`).
-        """
+        self, goal: Any, experiment: Experiment, settings: Any, folder: Path, left: list[str]
+    ) -> Result:
+        """Run the experiment; left: gets sentences about what could not be restored."""
 
         def watch() -> None:
             if goal.is_cancel_requested:
@@ -201,19 +190,13 @@ class CharacterizeNode(Node):
         seen = sees_rig(
             robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
         )
-        parts = folder / "parts" / experiment.name
+        parts, hurried = folder / "parts" / experiment.name, self.stopping.is_set
         with closing(
             RigFixture(robot) if seen else OperatorFixture(robot, self._confirmed, say)
-        ) as fixture:
-            bench = LiveBench(robot, self._publish, fixture, parts, say, self.stopping.is_set)
-            try:
-                with bench:
-                    lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
-                    result = experiment.run(lab, settings)
-            except Exception as error:
-                error.left = bench.left
-                raise
-        return result._replace(notes=(*result.notes, *bench.notes)), bench.left
+        ) as fixture, LiveBench(robot, self._publish, fixture, parts, say, left, hurried) as bench:
+            result = experiment.run(Lab(bench, folder, feedback.progress, bench.fingerprint()),
+                                    settings)  # fmt: skip
+        return result._replace(notes=(*result.notes, *bench.notes))
 
     def health(self) -> Health:
         """The running experiment."""
@@ -387,23 +370,6 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
         if not (folder / f"{need}.yaml").is_file():
             raise ValueError(f"{experiment.name} needs the result of {need} in {folder}")
     return experiment, settings, folder
-
-
-def _saved(result: Result, folder: Path, left: list[str]) -> list[Path]:
-    """Write a result; return its files. After an error, `left` is in its attribute `left`."""
-    try:
-        return result.save(folder)
-    except Exception as error:
-        error.left = left
-        raise
-
-
-def _failed(message: str) -> Outcome:
-    return Outcome(RunExperiment.Result(success=False, message=message), False)
-
-
-def _left(error: Exception) -> list[str]:
-    return getattr(error, "left", [])
 
 
 def main() -> int:
