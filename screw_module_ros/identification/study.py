@@ -36,7 +36,7 @@ from ..plant.settings import WorldSettings, load_world
 from .bench import InProcessBench, LoopSettings
 from .force_error import wall, with_damping
 from .force_metric import LAST, judged
-from .pool import worker_pool
+from .lab import worker_pool
 from .trials import Arm, HandTrial, MotionTrial
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
