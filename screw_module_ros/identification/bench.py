@@ -12,7 +12,7 @@ import functools
 import hashlib
 import math
 import zlib
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,7 @@ from .vertical_loop import (
     run_ticks,
 )
 
+LoopTrial = TorqueTrial | StageTrial | MotionTrial
 ZERO_S = 0.5  # over which the transducer's zero is averaged
 _SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 _CHUNK = 100_000  # ticks between two reports of progress
@@ -103,7 +104,7 @@ class InProcessBench:
         self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one bench each for many trials."""
         return _bench_of_process, (self.world, self.loop, self.seed)
 
@@ -140,19 +141,19 @@ class InProcessBench:
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return the transducer's reading without load, a mean of half a second."""
-        own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
+        own, noise = sensor_params(self.world.sensor, self.seed), list(seeded(self.seed))
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
             shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
-    def _params(self, trial: Trial) -> LoopParams:
+    def _params(self, trial: LoopTrial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
-        if getattr(trial, "changed", 0):
+        if isinstance(trial, MotionTrial) and trial.changed:
             w = changed_later(w, trial.changed)
-        if getattr(trial, "preloaded", False):
+        if isinstance(trial, MotionTrial) and trial.preloaded:
             w = w._replace(vertical=w.vertical._replace(play=0.0))
         substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep
         steps = round(1.0 / rate / substep)
@@ -263,7 +264,7 @@ def hash_of(*settings: tuple) -> str:
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
-def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
+def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> LoopParams:
     """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
     if isinstance(trial, TorqueTrial):
         return quiet._replace(
