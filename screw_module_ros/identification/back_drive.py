@@ -22,7 +22,7 @@ paper's.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -55,7 +55,7 @@ THESIS = {
     "major_axis_laden": Published(4.0, "D, fig 3", 0.1),
 }
 _KILOGRAM = 0.011  # m on the page per kg, so that neighbouring ellipses do not meet
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 LEVEL = 1.0
 """The bandwidth ends where |speed of the load / torque| falls below this [rad/s per Nm]."""
 _SEARCHED = np.geomspace(2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4, 3000)  # [rad/s]

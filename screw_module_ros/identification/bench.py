@@ -12,7 +12,7 @@ import functools
 import hashlib
 import math
 import zlib
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,7 @@ from .vertical_loop import (
     run_ticks,
 )
 
+LoopTrial = TorqueTrial | StageTrial | MotionTrial
 ZERO_S = 0.5  # over which the transducer's zero is averaged
 _SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 _CHUNK = 100_000  # ticks between two reports of progress
@@ -104,7 +105,7 @@ class InProcessBench:
         self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one bench each for many trials."""
         return _bench_of_process, (self.world, self.loop, self.seed)
 
@@ -114,8 +115,7 @@ class InProcessBench:
             return analyzer_samples(self.world, trial)
         if isinstance(trial, PlanarTrial):
             return plane_samples(self.world, trial, on_progress)
-        hand = hand_of(trial)
-        motion = hand.motion if hand else trial
+        hand, motion = _hand_in(trial)
         params = self._params(motion)
         state = self._start(trial, params)
         force, torque, state = self._zero(params, state)
@@ -149,19 +149,19 @@ class InProcessBench:
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return the transducer's reading without load, a mean of half a second."""
-        own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
+        own, noise = sensor_params(self.world.sensor, self.seed), list(seeded(self.seed))
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
             shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
-    def _params(self, trial: Trial) -> LoopParams:
+    def _params(self, trial: LoopTrial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
-        if getattr(trial, "changed", 0):
+        if isinstance(trial, MotionTrial) and trial.changed:
             w = changed_later(w, trial.changed)
-        if getattr(trial, "preloaded", False):
+        if isinstance(trial, MotionTrial) and trial.preloaded:
             w = w._replace(vertical=w.vertical._replace(play=0.0))
         substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep
         steps = round(1.0 / rate / substep)
@@ -273,7 +273,7 @@ def hash_of(*settings: tuple) -> str:
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
-def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
+def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> LoopParams:
     """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
     if isinstance(trial, TorqueTrial):
         return quiet._replace(
@@ -304,10 +304,16 @@ def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopPar
     )
 
 
-def hand_of(trial: Trial) -> HandTrial | None:
-    """Return what the hand does in a trial, None where there is none."""
-    if not isinstance(trial, MotionTrial):
-        return trial if isinstance(trial, HandTrial) else None
+def _hand_in(
+    trial: TorqueTrial | StageTrial | MotionTrial | HandTrial,
+) -> tuple[HandTrial | None, TorqueTrial | StageTrial | MotionTrial]:
+    """Return what the hand does in a trial, None where there is none, and the trial itself."""
+    if isinstance(trial, HandTrial):
+        return trial, trial.motion
+    return (_hand_of(trial) if isinstance(trial, MotionTrial) else None), trial
+
+
+def _hand_of(trial: MotionTrial) -> HandTrial:
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
     path = HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)

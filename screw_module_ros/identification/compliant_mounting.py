@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ THESIS = {
 }  # fmt: skip
 _FASTEST = 1.0  # m/s, the module's highest speed (thesis A.1.1)
 _PRINTED_DIP = 200.0  # rad/s (thesis A.4)
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 _CANDIDATES = {
     "grooved": "15.9 mm, grooved",
     "outer": "15.9 mm, solid",

@@ -190,8 +190,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     period = samples.time[1] - samples.time[0]
     count = round(2.0 * math.pi * _CYCLES / trial.omega / period)
     turning = np.exp(-1j * trial.omega * samples.time[-count:])
-    force = samples.force if samples.true_force is None else samples.true_force
-    position = samples.position if samples.handle is None else samples.handle
+    position, _, force = samples.felt
     swing = position[-count:] - position[-count:].mean()
     moved = (turning * swing).sum()
     if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:

@@ -177,27 +177,13 @@ def trial_of(
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
-    """Return the figures of `force_metric.judged`.
-
-    Where the true motion of the handle is unknown, the sensors' values at the nut replace it.
-    """
-    first = counted_from(trial)
-    if samples.handle is None:
-        samples = samples._replace(
-            handle=samples.position,
-            handle_velocity=samples.velocity,
-            true_force=samples.force,
-        )
+    """Return the figures of `force_metric.judged`."""
+    period = samples.time[1] - samples.time[0]
+    position, velocity, force = samples.felt
     found = judged(
-        samples.time[1] - samples.time[0],
-        samples.handle - trial.centre,
-        samples.handle_velocity,
-        samples.true_force,
-        samples.share,
-        trial.settings.stiffness,
-        trial.settings.damping,
-        round(first / (samples.time[1] - samples.time[0])),
-    )
+        period, position - trial.centre, velocity, force, samples.share, trial.settings.stiffness,
+        trial.settings.damping, round(counted_from(trial) / period),
+    )  # fmt: skip
     return {name: np.array(value) for name, value in found._asdict().items()}
 
 
@@ -265,7 +251,7 @@ def run_changed(lab: Lab, settings: RobustnessSettings) -> Result:
         "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
         "linearization": static_torque.measured_linearization(lab),
     }
-    laws = {
+    laws: dict[str, tuple[VerticalSettings, dict[str, Any]]] = {
         "uncalibrated": (plain, {}),
         "calibrated": (own, models),
         "changed": (own, {**models, "changed": settings.change}),

@@ -65,8 +65,8 @@ def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.
     at 2^32 once; a repeated tick counts once.
     """
     origin = int(first[0]) if len(first) else 0
-    counted = [(np.asarray(a, np.int64) - origin + 2**31) % 2**32 for a in (first, second)]
-    _, in_first, in_second = np.intersect1d(*counted, return_indices=True)
+    a, b = ((np.asarray(ticks, np.int64) - origin + 2**31) % 2**32 for ticks in (first, second))
+    _, in_first, in_second = np.intersect1d(a, b, return_indices=True)
     return in_first, in_second
 
 

@@ -16,7 +16,7 @@ is seen on a perturbed one.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -265,13 +265,15 @@ class CompensationSettings(NamedTuple):
 
 def compensate(lab: Lab, settings: CompensationSettings) -> Result:
     """Measure with both models. Raises MissingResult without the module's results, Cancelled."""
-    identified = {
+    identified: dict[str, Any] = {
         "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
         "linearization": static_torque.measured_linearization(lab),
     }
     own_gravity = lab.result(gravity.NAME).value("gravity")
-    trials = {}
-    for model, weight, options in (("default", 10.0, {}), ("identified", own_gravity, identified)):
+    trials: dict[str, MotionTrial] = {}
+    nothing: dict[str, Any] = {}
+    both = (("default", 10.0, nothing), ("identified", own_gravity, identified))
+    for model, weight, options in both:
         law = VerticalSettings(
             stiffness=_STIFFNESS, gravity=weight, friction_fraction=settings.fraction,
             force_gain=settings.force_gain,

@@ -338,7 +338,7 @@ def _surface(data: dict[str, np.ndarray]) -> Figure:
     axes.set_xlabel("height z [mm]")
     axes.set_ylabel("speed [mm/s], logarithmic", labelpad=8)
     axes.set_zlabel("force [N]")
-    axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks)))
+    axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks).tolist()))
     axes.yaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
     axes.view_init(elev=28, azim=-125)
     axes.set_box_aspect(None, zoom=0.86)

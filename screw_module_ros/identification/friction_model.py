@@ -108,8 +108,8 @@ def friction_model_of(result: Result) -> FrictionModel:
     low, high, fastest, ramp, lead, phase, weight = map(float, result.data["common"])
     branches = (
         FrictionBranch(
-            tuple(map(float, result.data[f"{direction}_trend"])),
-            tuple(map(float, result.data[f"{direction}_ripple"])),
+            tuple(result.data[f"{direction}_trend"].tolist()),
+            tuple(result.data[f"{direction}_ripple"].tolist()),
             *map(float, result.data[f"{direction}_shape"]),
         )
         for direction, _ in DIRECTIONS
@@ -296,8 +296,8 @@ def _branch(
     trend = _powers(place[:TREND] * mean, *reach, TREND)
     trend[-1] += gravity
     return FrictionBranch(
-        trend=tuple(map(float, trend)),
-        ripple=tuple(map(float, _powers(sign * place[TREND:] * mean, *reach, RIPPLE))),
+        trend=tuple(trend.tolist()),
+        ripple=tuple(_powers(sign * place[TREND:] * mean, *reach, RIPPLE).tolist()),
         flip_below_mm=flip_below,
         break_speed_mm_s=knee,
         low_gain=at_knee / mean / knee**exponent,
@@ -334,9 +334,9 @@ def fit_maps(
     phase, flips = _shape(means, settings.flip_gain)
     cells = [_cells(z, speeds, force, low, high) for force in (up, down)]
     best, found = flips, _refined(cells, flips, phase)
-    for direction, flip in enumerate(flips):
+    for branch, flip in enumerate(flips):
         for near in (flip - BIN_MM, flip + BIN_MM) if flip != NO_FLIP else ():
-            other = (near, best[1]) if direction == 0 else (best[0], near)
+            other = (near, best[1]) if branch == 0 else (best[0], near)
             tried = _refined(cells, other, phase)
             if tried.cost < found.cost:
                 best, found = other, tried

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import detrend, find_peaks, periodogram
 
@@ -153,7 +154,7 @@ def _spectrum(result: Result, upto: float, title: str) -> Figure:
     return figure
 
 
-def _name_lines(axes, result: Result) -> None:
+def _name_lines(axes: Axes, result: Result) -> None:
     peaks = [Peak(*row) for row in result.data["peaks_up"]]
     for name, text in (("screw", "turn of the screw"), ("rollers", "rollers")):
         peak = nearest(peaks, result.value(f"{name}_up"))

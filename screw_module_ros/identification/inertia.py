@@ -298,8 +298,8 @@ def regression(
         use = np.flatnonzero(np.abs(record.velocity) >= least_speed)[::every]
         v = record.velocity[use]
         force, held = record.smooth[use], friction[use]
-        load = (np.abs(force) - np.abs(held)) * np.sign(v) * loaded
-        rows.append((record.acceleration[use], v, np.sign(v), np.ones_like(v), load))
+        leaning = (np.abs(force) - np.abs(held)) * np.sign(v) * loaded
+        rows.append((record.acceleration[use], v, np.sign(v), np.ones_like(v), leaning))
         wanted.append(force - held)
     terms, force = np.concatenate(rows, axis=1).T, np.concatenate(wanted)
     if len(force) < 10 * terms.shape[1]:
@@ -309,7 +309,8 @@ def regression(
         lambda x: terms @ x - force, start, jac=lambda x: terms.copy(), loss="soft_l1"
     )
     left = terms @ found.x - force
-    return Regression(*map(float, found.x), float(np.sqrt(np.mean(left**2))))
+    mass, viscous, coulomb, constant, load = map(float, found.x)
+    return Regression(mass, viscous, coulomb, constant, load, float(np.sqrt(np.mean(left**2))))
 
 
 def jackknife(records: list[Record], least_speed: float, every: int) -> float:

@@ -151,13 +151,12 @@ _WORSE = ("swing", "travel", "shaking")
 def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     """Return `ErrorOf` of each axis as an array."""
     period = float(samples.time[1] - samples.time[0])
-    law = trial.settings
+    law, (position, velocity, force) = trial.settings, samples.felt
     return {
-        axis: np.array(judged(
-            period, samples.handle[:, column], samples.handle_velocity[:, column],
-            samples.true_force[:, column], samples.share, law.stiffness, law.damping,
-            round(counted_from(trial) / period),
-        ))
+        axis: np.array([*judged(
+            period, position[:, column], velocity[:, column], force[:, column], samples.share,
+            law.stiffness, law.damping, round(counted_from(trial) / period),
+        )])
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from ..figure_style import COLOURS
 from ..settings import Setting
 from .friction_map import FORCE, HEIGHT
-from .lab import Lab
+from .lab import Lab, Part
 from .results import STAGE, Experiment, Quantity, Result
 from .stage_runs import CENTRES_MM, binned, stage_run, too_near
-from .trials import DIRECTIONS
+from .trials import DIRECTIONS, StageTrial
 
 NAME = "repeatability"
 _WHOLE = 0.9  # least share of a bin's samples for the comparison
@@ -41,11 +41,11 @@ def run(lab: Lab, settings: Settings) -> Result:
     Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises the
     errors of `Lab.record`.
     """
-    trials = {}
+    trials: dict[str, StageTrial] = {}
     for direction, sign in DIRECTIONS:
         run = stage_run(sign * float(settings.speed), settings.low, settings.high)
-        second = run._replace(start=run.start + sign * settings.apart)
-        trials |= {f"{direction}_1": run, f"{direction}_2": second}
+        again = run._replace(start=run.start + sign * settings.apart)
+        trials |= {f"{direction}_1": run, f"{direction}_2": again}
     parts = lab.record(NAME, trials, binned)
     data = {"centres": CENTRES_MM}
     quantities = []
@@ -60,7 +60,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 
 
-def _compared(direction: str, first: dict, second: dict) -> list[Quantity]:
+def _compared(direction: str, first: Part, second: Part) -> list[Quantity]:
     fewer = np.minimum(first["count"], second["count"])
     beyond = np.where(fewer > _WHOLE * np.median(fewer), second["force"] - first["force"], np.nan)
     noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))

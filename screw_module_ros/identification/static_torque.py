@@ -324,7 +324,7 @@ def _map(joints: np.ndarray, numbers: np.ndarray) -> Linearization:
     return Linearization(
         (low, high),
         Line(lower_slope, lower - lower_slope * low),
-        tuple(map(float, cubic)),
+        tuple(cubic.tolist()),
         Line(upper_slope, upper - upper_slope * high),
     )
 

@@ -188,15 +188,14 @@ def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
     samples = InProcessBench(world, rig.loop, seed).record(trial, lambda share: None)
     period = float(samples.time[1] - samples.time[0])
     first = round(case.first / period)
+    handle, velocity, force = samples.felt
     found = judged(
-        period, samples.handle - CENTRE, samples.handle_velocity, samples.true_force,
-        samples.share, law.stiffness, law.damping, first,
-    )  # fmt: skip
-    error = samples.true_force - law.stiffness * (samples.handle - CENTRE)
-    error -= law.damping * samples.handle_velocity
+        period, handle - CENTRE, velocity, force, samples.share, law.stiffness, law.damping, first
+    )
+    error = force - law.stiffness * (handle - CENTRE) - law.damping * velocity
     step = round(_SUDDEN_S / period)
     half, last = len(error) // 2, round(LAST / period)
-    after = samples.true_force[half - step :]
+    after = force[half - step :]
     figures = {
         "rms": found.rms,
         "share": float(samples.share[first:].min()),
@@ -204,7 +203,7 @@ def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
         "peak": float(np.abs(error[first:]).max()),
         "travel": 1e3 * found.travel,
         "pressed": world.vertical.stop_stiffness
-        * float(np.maximum(samples.handle[-last:] - world.vertical.travel, 0.0).mean()),
+        * float(np.maximum(handle[-last:] - world.vertical.travel, 0.0).mean()),
         "sudden": float(np.abs(after[step:] - after[:-step]).max()),
     }
     return {figure: figures[figure] for figure in case.figures}

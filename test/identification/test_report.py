@@ -55,7 +55,7 @@ def module_with(**outcomes):
     ],
 )
 def test_published_figure_agrees_within_its_tolerance(value, thesis, verdict):
-    row = Compared("gravity", quantity(value, thesis=thesis))
+    row = Compared("gravity", quantity(value), thesis)
     assert row.verdict == verdict
     (cells,) = compared_rows([row], PREDICTION)
     assert (cells[1], cells[-1]) == ("*gravity*: weight", verdict)

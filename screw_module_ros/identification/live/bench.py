@@ -151,7 +151,9 @@ class LiveBench:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, BagError, SamplesLost."""
         require(trial, self)
         on_progress(0.0)
-        act = {TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion}
+        act: dict[type, Callable[..., Reader]] = {
+            TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion
+        }  # fmt: skip
         bag, reader = self._recorded(name_of(trial), act[type(trial)], trial, on_progress)
         return reader(recorded(bag, self.rate, self._robot.node.resolve_topic_name))
 
@@ -244,12 +246,11 @@ class LiveBench:
     def _ask(self, sine: Excitation) -> None:
         """Request a sine from now on, or the lease alone."""
         self._sines += 1
-        linearized = sine.linearization is not None
-        numbers = as_numbers(sine.linearization) if linearized else (0.0,) * 10
+        numbers = as_numbers(sine.linearization) if sine.linearization else (0.0,) * 10
         self._request = ExcitationRequest(
             id=(self.clock.now_ns() // 1_000_000 + self._sines) & 0xFFFFFFFF,
             amplitude=sine.amplitude, frequency=sine.frequency, ticks=sine.ticks,
-            linearized=linearized, linearization=numbers,
+            linearized=sine.linearization is not None, linearization=numbers,
         )  # fmt: skip
         self._renew()
 
@@ -375,7 +376,9 @@ class LiveBench:
             first = first_tick(found, begin_ns, sine)
             return found.samples(
                 first, sine.ticks, before, after,
-                lambda force: np.round(force_to_torque(force) / rated * 1e3) * rated * 1e-3,
+                lambda force: np.round(
+                    [force_to_torque(newtons) / rated * 1e3 for newtons in force]
+                ) * rated * 1e-3,
             )  # fmt: skip
 
         return read
@@ -504,8 +507,10 @@ class LiveBench:
 
     def _check_calibrations(self, trial: MotionTrial) -> None:
         robot = self._robot
-        kinds = [("linearization", AMPLIFIER, trial.linearization, load_linearization,
-                  default_linearization)]  # fmt: skip
+        kinds: list[tuple[str, str, Any, Callable[..., Any], Callable[[], Any]]] = [
+            ("linearization", AMPLIFIER, trial.linearization, load_linearization,
+             default_linearization),
+        ]  # fmt: skip
         if trial.mode in (FRICTION_COMPENSATION, COMBINED):
             kinds.append(("friction", CONTROLLER, trial.friction, load_friction_model,
                           thesis_friction))  # fmt: skip
@@ -533,7 +538,7 @@ def name_of(trial: Trial) -> str:
         return f"torque_{trial.frequency:.3g}Hz_{trial.amplitude:g}Nm"
     if isinstance(trial, StageTrial):
         return f"stage_{1e3 * trial.speed:+g}mm_s"
-    return f"motion_{MODE_NAMES[trial.mode].lower()}"
+    return f"motion_{MODE_NAMES[trial.mode].lower()}" if isinstance(trial, MotionTrial) else "other"
 
 
 def excitation_of(trial: TorqueTrial, rate: float) -> Excitation:

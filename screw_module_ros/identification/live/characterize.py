@@ -8,6 +8,7 @@ confirms each with `~/confirm`. The node is started by hand, beside the running 
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import threading
@@ -68,7 +69,7 @@ class ResultsSettings(NamedTuple):
 class CharacterizeNode(Node):
     """Runs one experiment at a time, in a thread; the main thread waits."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("characterize")
         self.parameters.declare(ResultsSettings)
         self.parameters.declare(BusSettings, "can", channel=graph.bus_of("encoder"))
@@ -186,6 +187,7 @@ class CharacterizeNode(Node):
         feedback = Feedback(goal, RunExperiment.Feedback, watch)
         feedback.say("looking at the graph")
         robot, say = self._robot, feedback.say
+        assert robot is not None, "a goal is accepted by an active node alone"
         robot.watch = watch
         seen = sees_rig(
             robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
@@ -306,7 +308,7 @@ class Feedback:
         self._goal, self._message, self._watch = goal, kind(), watch
         self._clock = clock or WallClock()
         self._due = 0.0
-        self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
+        self._first = (0.0, math.inf)  # time and seconds of excitation done then
 
     def say(self, doing: str) -> None:
         """Publish the current step at once."""
@@ -317,7 +319,7 @@ class Feedback:
         """Publish the progress; done, total: seconds of excitation, from `Lab`."""
         self._watch()
         now = self._clock.now_ns() * 1e-9
-        if self._first is None or done < self._first[1]:
+        if done < self._first[1]:
             self._first = (now, done)
         self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0
         self._message.remaining = self._remaining(now, done, total)
