@@ -32,8 +32,8 @@ from screw_module_ros.identification.force_metric import (
     Offsets,
     Spring,
     common_ticks,
-    offset,
     offsets,
+    spring_force,
 )
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.counts import Counts
@@ -322,7 +322,9 @@ def evaluated(
     traces = [trace(topics, part.moving) for part in parts]
     found = [offsets(one.position, one.velocity, undamped(one), SPRING) for one in traces]
     still = [trace(topics, part.holding) for part in parts]
-    held = [float(np.abs(offset(one.position, undamped(one), SPRING)).mean()) for one in still]
+    held = [
+        float(np.abs(undamped(one) - spring_force(one.position, SPRING)).mean()) for one in still
+    ]
     paths = [path(topics, part.whole) for part in parts]
     whole = Part("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
