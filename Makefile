@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo therapy faults fuzz bench soak reproduce test test-all lint docs shell clean
+.PHONY: help build demo therapy faults fuzz bench soak reproduce study test test-all lint docs shell
+.PHONY: clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -37,6 +38,9 @@ soak: build  ## ten minutes of work, recorded: does anything grow or get lost? A
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)
+
+study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --first-seed 1000 --mode 5"
+	@tools/run study $(ARGS)
 
 test: build  ## the tests without those marked long; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)

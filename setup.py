@@ -10,7 +10,7 @@ PROGRAMS = (  # what they are: screw_module_ros/programs.py
     "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
     "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
     "bringup", "robot_description", "characterize", "demo", "therapy", "soak", "bench",
-    "check_hardware", "session", "reproduce",
+    "check_hardware", "session", "reproduce", "study",
 )  # fmt: skip
 EXECUTABLES = [f"{program} = {NAME}.programs:{program}" for program in PROGRAMS]
 
@@ -25,7 +25,8 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
-               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja"]
+               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja",
+               "identification/*.jinja"]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -25,6 +25,7 @@ PROGRAMS = {
     "check_hardware": ("hardware.command", "main"),
     "reproduce": ("identification.reproduce", "main"),
     "session": ("session_command", "main"),
+    "study": ("identification.study", "main"),
 }
 """Name of an executable -> module below this package, function."""
 

@@ -52,6 +52,7 @@ TESTS = {
     "bridge": ["test/bridge"],
     "plant": ["test/plant"],
     "rig": ["test/rig", "test/loop"],
+    "identification": ["test/identification"],
 }
 """Tests that judge a room."""
 DECLARED = "test/test_kept_settings.py"

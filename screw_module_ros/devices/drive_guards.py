@@ -45,7 +45,7 @@ class Object(NamedTuple):
     have the object. name: for messages.
     """
 
-    index: int
+    index: int  # type: ignore[assignment]  # hides the tuple's method
     subindex: int
     value: int
     size: int

@@ -42,11 +42,14 @@ class Settings(NamedTuple):
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 2
     shortest: Annotated[float, Setting("least duration of each sine", "s", 0.005, 10.0)] = 0.04
 
+    def flaw(self) -> str:
+        """Return what is wrong with a sweep without a width."""
+        wrong = f"high = {self.high:g} Hz is not above low = {self.low:g} Hz"
+        return wrong if self.high <= self.low else ""
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure and fit. Raises Cancelled, NotPossible without an analyser, ValueError."""
-    if settings.high <= settings.low:
-        raise ValueError(f"high = {settings.high:g} Hz is not above low = {settings.low:g} Hz")
     count = round(settings.per_decade * math.log10(settings.high / settings.low)) + 1
     frequencies = np.geomspace(settings.low, settings.high, count)
     trials = {

@@ -22,7 +22,7 @@ paper's.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 
 from ..figure_style import COLOURS, DESIRED
 from ..geometry import MANUS, inverse, jacobian
-from ..settings import Setting, validated
+from ..settings import Setting
 from .lab import Lab
 from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import (
@@ -55,7 +55,7 @@ THESIS = {
     "major_axis_laden": Published(4.0, "D, fig 3", 0.1),
 }
 _KILOGRAM = 0.011  # m on the page per kg, so that neighbouring ellipses do not meet
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 LEVEL = 1.0
 """The bandwidth ends where |speed of the load / torque| falls below this [rad/s per Nm]."""
 _SEARCHED = np.geomspace(2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4, 3000)  # [rad/s]
@@ -134,9 +134,8 @@ def wedge(settings: Settings) -> Wedge:
 def run(lab: Lab, settings: Settings) -> Result:
     """Evaluate screw, plane and belt.
 
-    Raises ValueError for settings out of range and for a workspace beyond the arm's reach.
+    Raises ValueError for a workspace beyond the arm's reach.
     """
-    validated(settings)
     area = grid(settings.half_width, settings.half_depth, 41)
     bare = np.array([tensor(*point) for point in area])
     laden = bare + settings.module_mass * np.eye(2)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ from scipy import linalg, signal
 from scipy.optimize import brentq
 
 from ..figure_style import COLOURS, DESIRED
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import screw_geometry
 from .figures import axes_for
 from .lab import Lab
@@ -40,7 +40,7 @@ THESIS = {
 }  # fmt: skip
 _FASTEST = 1.0  # m/s, the module's highest speed (thesis A.1.1)
 _PRINTED_DIP = 200.0  # rad/s (thesis A.4)
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 _CANDIDATES = {
     "grooved": "15.9 mm, grooved",
     "outer": "15.9 mm, solid",
@@ -80,8 +80,7 @@ Profile = tuple[np.ndarray, np.ndarray]
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Evaluate the three cases. Raises ValueError for settings out of range."""
-    validated(settings)
+    """Evaluate the three cases. Raises ValueError if no l1 gives the wanted frequency."""
     screws = candidates(settings.inertia_across, settings.density)
     z = positions(settings)
     free = [case1(screw, z, settings) for screw in screws.values()]

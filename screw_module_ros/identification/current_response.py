@@ -42,7 +42,9 @@ class Settings(NamedTuple):
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
-    count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 3, 400)] = 40
+    count: Annotated[
+        int, Setting("frequencies, evenly on a log scale", "", 4, 400)
+    ] = 40  # type: ignore[assignment]  # hides the tuple's method
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     torque_constant: Annotated[

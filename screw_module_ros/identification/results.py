@@ -96,7 +96,7 @@ class Result(NamedTuple):
         """Write NAME.yaml and NAME.npz into a folder; return the two paths. Raises OSError."""
         text, arrays = (folder / f"{self.experiment}{end}" for end in (".yaml", ".npz"))
         text.write_text(self.as_yaml(), encoding="utf-8")
-        np.savez_compressed(arrays, **self.data)
+        np.savez_compressed(arrays, **dict[str, Any](self.data))
         return [text, arrays]
 
 

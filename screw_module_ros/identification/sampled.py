@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -148,7 +148,7 @@ def series(*chains: Chain) -> Chain:
 def continuous_response(chain: Chain, frequencies: np.ndarray, delay: float = 0.0) -> np.ndarray:
     """Return G(jw) exp(-jw delay) at frequencies [Hz]; delay [s]."""
     s = 2j * math.pi * np.asarray(frequencies, float)
-    answer = chain.gain * np.exp(-s * delay)
+    answer: np.ndarray = chain.gain * np.exp(-s * delay)
     for pole in chain.poles:
         answer = answer * (-pole / (s - pole))
     return answer
@@ -265,7 +265,7 @@ def whole_cycles(frequency: float, cycles: int, shortest: float) -> float:
 
 
 def torque_sweep(
-    frequencies: Sequence[float], trial: TorqueTrial, cycles: int, channel: str
+    frequencies: Iterable[float], trial: TorqueTrial, cycles: int, channel: str
 ) -> dict[str, TorqueTrial]:
     """Return a trial for each frequency [Hz], at the amplitude, linearization and rate of `trial`.
 

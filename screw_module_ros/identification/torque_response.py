@@ -69,7 +69,9 @@ class Settings(NamedTuple):
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
-    count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 4, 400)] = 40
+    count: Annotated[
+        int, Setting("frequencies, evenly on a log scale", "", 4, 400)
+    ] = 40  # type: ignore[assignment]  # hides the tuple's method
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     slow_rate: Annotated[
@@ -188,8 +190,12 @@ def _folded(light: Chain, found: Chain, delay: float, rate: float) -> dict[str, 
 def misfit_profile(model: Model, measured: np.ndarray, fit: Fit) -> np.ndarray:
     """Return the least misfit for each delay of `_PROFILE`, gain and damping fitted anew."""
     found, start, low, high = [], fit.values[:2], _LOW[:2], _HIGH[:2]
+
+    def with_delay(delay: float) -> Model:
+        return lambda numbers: model(np.append(numbers, delay))
+
     for delay in _PROFILE:
-        best = fit_response(lambda x, d=delay: model(np.append(x, d)), measured, start, low, high)
+        best = fit_response(with_delay(delay), measured, start, low, high)
         found.append(best.misfit)
         start = np.clip(best.values, 1.001 * low, 0.999 * high)
     return np.array(found)

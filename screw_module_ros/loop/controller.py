@@ -17,10 +17,10 @@ from ..control.vertical import (
     vertical_step,
 )
 from ..control.vertical_settings import VerticalSettings
-from ..safety.checks import Agreement, AgreementSettings, ForceLike, VerticalChecks, WatchSettings
+from ..safety.checks import Agreement, AgreementSettings, VerticalChecks, WatchSettings
 from ..safety.latch import Age
 from ..safety.timing import DeadlineMeter
-from ..samples import EncoderReading
+from ..samples import EncoderReading, ForceReading
 from .inputs import Guide, Lease, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
@@ -77,7 +77,7 @@ class VerticalController:
         """Whether a fault is latched."""
         return bool(self.fault.reason)
 
-    def on_force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
         """Process a force sample."""
         if self._checks.force(sample, now_ns):
             self.handle_force = sample.fz
@@ -98,12 +98,14 @@ class VerticalController:
         )
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
+        target, target_speed = self.wanted.at(now_ns, active)
         inp = VerticalInput(
             self.mode,
             sample.position,
             sample.velocity,
             self.handle_force,
-            *self.wanted.at(now_ns, active),
+            target,
+            target_speed,
             active and not excites,
             slot.force_x,
             slot.weight,
@@ -179,6 +181,7 @@ class VerticalController:
 
     def count(self, now_ns: int) -> None:
         """Count the newest sample as answered at now_ns [ns]."""
+        assert self.answered is not None, "nothing was answered yet"
         self.meter.tick(self.answered.sequence, self.answered.monotonic_ns, now_ns)
 
     def idle(self, now_ns: int) -> VerticalOutput | None:

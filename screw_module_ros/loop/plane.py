@@ -25,12 +25,13 @@ from ..devices.drive import Drive
 from ..devices.errors import BusError, DeviceError
 from ..devices.motion import Motion, Rehoming
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
-from ..safety.checks import ForceLike, FreezeSettings, Frozen, Stream, force_problem
+from ..safety.checks import FreezeSettings, Frozen, Stream, force_problem
 from ..safety.latch import Age
 from ..safety.permit import Permit, PermitSettings
 from ..safety.timing import DeadlineMeter
+from ..samples import ForceReading
 from ..settings import Setting
-from .inputs import Guide, SetpointInput
+from .inputs import NO_GUIDANCE, Guidance, Guide, SetpointInput
 from .requests import Requests
 from .ticker import Tick, Ticker
 
@@ -139,7 +140,7 @@ class Joint:
         torque: net torque on the joint [Nm], NaN = not known. The error of a frozen position is
         unknown, so the home position is lost.
         """
-        frozen = self.frozen.check(self.angle, torque, self._period_ns * 1e-9)
+        frozen = self.frozen.check(self.motion.position, torque, self._period_ns * 1e-9)
         self.motion.homed = self.motion.homed and not frozen
         return frozen
 
@@ -175,7 +176,7 @@ class Plane:
             drives, Requests(), permit._replace(command_periods=oldest), period_ns,
             max(drive.settings.enable_timeout for drive in drives),
         )  # fmt: skip
-        self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
+        self.joints = (Joint(joints, freeze, period_ns), Joint(joints, freeze, period_ns))
         self.guide = Guide(slot_limits)
         self._drives, self._port, self._clock = drives, port, port.clock
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
@@ -188,7 +189,8 @@ class Plane:
     @property
     def homed(self) -> bool:
         """Whether both angles are absolute."""
-        return all(joint.motion.homed for joint in self.joints)
+        shoulder, elbow = self.joints
+        return shoulder.motion.homed and elbow.motion.homed
 
     def measures(self, now_ns: int) -> bool:
         """Return whether both drives have told their positions lately, at now_ns [ns]."""
@@ -236,19 +238,25 @@ class Plane:
         tick = self._ticker.sleep()
         self.skipped += tick.skipped
         now_ns = tick.monotonic_ns
-        with suppress(DeviceError):
+        try:
             self.request(now_ns)
+        except DeviceError:
+            pass
         self._wires.read_inputs(now_ns)
         self._check(now_ns)
         answered = False
-        with suppress(DeviceError):
+        try:
             answered = self._await_drives(now_ns)
-        with suppress(DeviceError):
+        except DeviceError:
+            pass
+        try:
             if answered:
                 self.act(now_ns)
                 self.meter.tick(tick.sequence, now_ns, self._clock.now_ns())
             else:
                 self.idle(now_ns)
+        except DeviceError:
+            pass
         self._wires.publish_state(tick)
 
     def request(self, now_ns: int) -> None:
@@ -260,7 +268,7 @@ class Plane:
             shoulder.heartbeat(now_ns)
             elbow.heartbeat(now_ns)  # the drives share one heartbeat
 
-    def on_force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
         """Check the force of the patient on the robot, and take it as the hand's."""
         if not self._forces.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return
@@ -280,8 +288,11 @@ class Plane:
 
     def answered(self, since_ns: int) -> bool:
         """Return whether both drives have answered since `since_ns` [ns]."""
-        readings = [drive.reading for drive in self._drives]
-        return all(each is not None and each.monotonic_ns >= since_ns for each in readings)
+        for drive in self._drives:
+            reading = drive.reading
+            if reading is None or reading.monotonic_ns < since_ns:
+                return False
+        return True
 
     def _await_drives(self, since_ns: int) -> bool:
         due_ns = self._ticker.due_ns()
@@ -301,14 +312,18 @@ class Plane:
         self._acted.note(now_ns)
         self._measure(max(1, round(elapsed_ns / self._period_ns)))
         self._check_frozen()
-        shoulder, elbow = self.joints
-        acts = self.homed and self.permit.enabled
+        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        acts = shoulder.homed and elbow.homed and self.permit.enabled
+        x, y, vx, vy = self.wanted.at(now_ns, acts)
         inp = PlanarInput(
-            shoulder.angle,
-            elbow.angle,
+            shoulder.position,
+            elbow.position,
             shoulder.velocity,
             elbow.velocity,
-            *self.wanted.at(now_ns, acts),
+            x,
+            y,
+            vx,
+            vy,
             acts,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
@@ -329,13 +344,16 @@ class Plane:
 
     def _measure(self, periods: int) -> None:
         for drive, joint in zip(self._drives, self.joints, strict=True):
+            assert drive.reading is not None, "the caller waits for both answers"
             if wrong := joint.take(drive.reading.position, periods):
                 self.permit.fault.set(f"{drive.label} {wrong}")
 
-    def _guidance(self, now_ns: int, dt: float):
-        shoulder, elbow = self.joints
-        x, y = forward(shoulder.angle, elbow.angle, self.settings.arm)
-        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, self.settings.arm)
+    def _guidance(self, now_ns: int, dt: float) -> Guidance:
+        if self.guide.free:
+            return NO_GUIDANCE
+        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        x, y = forward(shoulder.position, elbow.position, self.settings.arm)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.position, elbow.position, self.settings.arm)
         vx = x_s * shoulder.velocity + x_e * elbow.velocity
         vy = y_s * shoulder.velocity + y_e * elbow.velocity
         return self.guide.guidance(x, y, vx, vy, now_ns, dt)
@@ -346,7 +364,7 @@ class Plane:
             for joint in self.joints:
                 joint.frozen.restart()
             return
-        angles = [joint.angle for joint in self.joints]
+        angles = self.joints[0].motion.position, self.joints[1].motion.position
         judged = clear_of_stops(self.settings, *angles)
         pushed = hand_torques(*angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
         for drive, joint, torque, push in zip(
@@ -360,14 +378,13 @@ class Plane:
         scale = self.permit.step(self._acted.stamp_ns, now_ns)
         output = self.output
         wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
-        written, failed = [], None
-        for drive, torque in zip(self._drives, wanted, strict=True):
+        written, failed = [0.0, 0.0], None
+        for number, (drive, torque) in enumerate(zip(self._drives, wanted, strict=True)):
             try:
-                written.append(drive.write(scale * torque, now_ns))
+                written[number] = drive.write(scale * torque, now_ns)
             except BusError as error:  # the other drive still needs its command
-                written.append(0.0)
                 failed = failed or error
-        self.written = tuple(written)
+        self.written = written[0], written[1]
         if failed is not None:
             raise failed
 
@@ -396,7 +413,8 @@ class Plane:
                 )
         mark = settings.home_x, settings.home_y
         if self.homed or self._rehoming.contradicted:
-            place = forward(*(joint.angle for joint in self.joints), self.settings.arm)
+            shoulder, elbow = self.joints
+            place = forward(shoulder.angle, elbow.angle, self.settings.arm)
             if refused := self._rehoming.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False

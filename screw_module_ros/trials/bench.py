@@ -36,7 +36,7 @@ from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench
-from screw_module_ros.identification.pool import worker_pool
+from screw_module_ros.identification.lab import worker_pool
 from screw_module_ros.identification.trials import MotionTrial, StageTrial, Trial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.plant.settings import load_world
