@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -239,7 +239,9 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     return Part(name, begin, robot.clock.stamp_ns())
 
 
-def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
+def play(
+    robot: Robot, ways: list[Way], duration: float, passed: Callable[[float], None]
+) -> None:
     """Publish set points as a game does, for `duration` [s]; move the patient's hand with them."""
     begun_ns = robot.clock.now_ns()
     coming = list(ways)
@@ -387,7 +389,7 @@ def _offset_table(results: Results) -> Table:
         "polynomial; make reproduce compensates screws that it does not know.",
     )
     for name in ("mode", "up", "down", "both ways", "thesis", "wanted", ""):
-        table.add_column(name, justify="right" if name in ("up", "down", "both ways") else None)
+        table.add_column(name, justify="right" if name in ("up", "down", "both ways") else "left")
     for part, found in zip(results.parts, results.offsets, strict=True):
         mode = MODES[part.name]
         verdict = _verdict(_met(part, found)) if mode.wanted else ""
@@ -427,7 +429,7 @@ def _gaps(counts: Mapping[str, Counts]) -> list[Table | str]:
         return [f"{line}, nothing missing."]
     table = Table(title="Topics with missing messages")
     for name in ("topic", "messages", "ticks lost", "not received", "not written"):
-        table.add_column(name, justify=None if name == "topic" else "right")
+        table.add_column(name, justify="left" if name == "topic" else "right")
     for name, count in sorted(holes.items()):
         numbers = (count.messages, count.lost, max(0, count.missed), count.dropped)
         table.add_row(name, *map(str, numbers))
