@@ -37,7 +37,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import worker_pool
-from screw_module_ros.identification.trials import MotionTrial, StageTrial, Trial
+from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.safety.timing import histogram_of, quantile
@@ -74,7 +74,7 @@ LEGEND = (
 SUBSCRIBED = (topics.ENDPOINT_STATE, topics.THERAPY_STATE)
 """Topics of the patient's page, see bridge/pages/static/js/patient/main.js."""
 LOOP_S = 60.0
-LOOP_TRIALS: dict[str, Trial] = {
+LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
     "closed loop, combined law, arm": MotionTrial(
         modes.COMBINED, VerticalSettings(), duration=LOOP_S
     ),
@@ -181,8 +181,9 @@ Measured = Mapping[Case, Sequence[Run]]
     "--json", "file", default="bench_output.json", type=OutputFile(), help="Output file.",
 )  # fmt: skip
 def bench(
-    console: Console, runs: int, seconds: float, quick: bool, only, rates, bridge: bool, file: Path
-) -> bool:
+    console: Console, runs: int, seconds: float, quick: bool, only: tuple[str, ...],
+    rates: tuple[int, ...], bridge: bool, file: Path,
+) -> bool:  # fmt: skip
     """Measure and say."""
     if quick:
         runs, seconds = 1, 5.0
@@ -207,8 +208,10 @@ def bench(
                 loop = speeds(runs, pool, cores)
     finally:  # an interruption loses no finished run
         if measured:
-            tables = (timing_table, lambda _: LEGEND, page_table, processor_table)
-            console.show(*filter(None, (table(measured) for table in tables)))
+            console.show(timing_table(measured), LEGEND)
+            if pages := page_table(measured):
+                console.show(pages)
+            console.show(processor_table(measured))
         if loop:
             console.show(loop_table(loop))
         write(measured, seconds, loop, file)
@@ -451,10 +454,9 @@ def one_run(name: str) -> float:
     """
     bench, trial = InProcessBench(load_world()), LOOP_TRIALS[name]
     if isinstance(trial, StageTrial):
-        short = trial._replace(end=trial.start + 0.001)
+        bench.record(trial._replace(end=trial.start + 0.001), lambda share: None)
     else:
-        short = trial._replace(duration=0.1)
-    bench.record(short, lambda share: None)
+        bench.record(trial._replace(duration=0.1), lambda share: None)
     begun = time.perf_counter()
     samples = bench.record(trial, lambda share: None)
     return float(samples.time[-1]) / (time.perf_counter() - begun)

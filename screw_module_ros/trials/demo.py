@@ -287,7 +287,9 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
     return Work(moving, Part(name, still, robot.clock.stamp_ns()))
 
 
-def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
+def play(
+    robot: Robot, ways: list[Way], duration: float, passed: Callable[[float], None]
+) -> None:
     """Publish set points as a game does, for `duration` [s]; move the patient's hand with them."""
     begun_ns = robot.clock.now_ns()
     coming = list(ways)
@@ -461,7 +463,7 @@ def _offset_table(results: Results) -> Table:
     )
     numbers = ("up", "down", "moving", "holding")
     for name in ("mode", *numbers, "thesis", "wanted moving", ""):
-        table.add_column(name, justify="right" if name in numbers else None)
+        table.add_column(name, justify="right" if name in numbers else "left")
     for part, found, held in zip(results.parts, results.offsets, results.held, strict=True):
         mode = MODES[part.name]
         newtons = (f"{value:.1f} N" for value in (found.up, found.down, found.mean))
@@ -501,7 +503,7 @@ def _gaps(counts: Mapping[str, Counts]) -> list[Table | str]:
         return [f"{line}, nothing missing."]
     table = Table(title="Topics with missing messages")
     for name in ("topic", "messages", "ticks lost", "not received", "not written"):
-        table.add_column(name, justify=None if name == "topic" else "right")
+        table.add_column(name, justify="left" if name == "topic" else "right")
     for name, count in sorted(holes.items()):
         numbers = (count.messages, count.lost, max(0, count.missed), count.dropped)
         table.add_row(name, *map(str, numbers))
