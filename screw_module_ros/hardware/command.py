@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from ..can_io.bus import BusSettings, open_port
-from ..can_io.port import BusError
+from ..can_io.errors import BusError
 from ..clock import Clock, WallClock
 from ..devices import force_sensors
 from ..devices.drive import Drive
