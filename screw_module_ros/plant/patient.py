@@ -16,7 +16,7 @@ that rests on the handle.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..settings import Setting, fields, problem
 
@@ -182,7 +182,7 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
                               for axis, old in enumerate(patient.paths)])  # fmt: skip
 
 
-def _replaced(arm: HumanArm, name: str, value) -> HumanArm:
+def _replaced(arm: HumanArm, name: str, value: Any) -> HumanArm:
     wrong = problem(fields(HumanArm)[name], value)
     if wrong:
         raise ValueError(wrong)
