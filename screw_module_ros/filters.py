@@ -89,13 +89,20 @@ def smoothed(lowpass: Lowpass, x: float) -> float:
 
 def derivative(lowpass: Lowpass, x: float) -> float:
     """Return the low-passed rate of change of x [unit/s]; one call per sample."""
-    return 2.0 * math.pi * lowpass.cutoff * (x - smoothed(lowpass, x))
+    y = lowpass.feedback * lowpass.y + lowpass.gain * (x + lowpass.x)
+    lowpass.x, lowpass.y = x, y
+    return 2.0 * math.pi * lowpass.cutoff * (x - y)
 
 
 def rapid(highpass: Highpass, x: float) -> float:
     """Return the part of x that is faster than the cutoff; one call per sample."""
-    slow = smoothed(highpass.first, x)
-    return x - slow - smoothed(highpass.second, x - slow)
+    first, second = highpass.first, highpass.second  # two of `smoothed`, without its calls
+    slow = first.feedback * first.y + first.gain * (x + first.x)
+    first.x, first.y = x, slow
+    fast = x - slow
+    slower = second.feedback * second.y + second.gain * (fast + second.x)
+    second.x, second.y = fast, slower
+    return fast - slower
 
 
 def clear(lowpass: Lowpass) -> None:

@@ -83,7 +83,8 @@ def is_real(position: float, velocity: float, force: float) -> bool:
 
 def slew(previous: float, target: float, step: float) -> float:
     """Return target, clamped to previous +-step (same unit)."""
-    return clamp(target, previous - step, previous + step)
+    low, high = previous - step, previous + step
+    return low if target < low else (high if target > high else target)
 
 
 def limit_speed(

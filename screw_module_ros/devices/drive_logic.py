@@ -320,8 +320,12 @@ class ExcessTorque:
         while self._commanded and now_ns - self._commanded[0][0] > self._late_ns:
             self._commanded.popleft()
         self._commanded.append((now_ns, commanded))
-        low = min(0.0, *(torque for _, torque in self._commanded))
-        high = max(0.0, *(torque for _, torque in self._commanded))
+        low = high = 0.0
+        for _, torque in self._commanded:
+            if torque < low:
+                low = torque
+            elif torque > high:
+                high = torque
         excess = max(reported - high, low - reported, 0.0)
         elapsed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
         self._last_ns = now_ns

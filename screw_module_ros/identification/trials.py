@@ -22,9 +22,12 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+from ..plant.module import Grip
+from ..plant.patient import HandPath
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
+_RIGID = Grip()
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
@@ -141,6 +144,27 @@ class MotionTrial(NamedTuple):
     changed: int = 0
 
 
+class HandTrial(NamedTuple):
+    """A `MotionTrial` whose hand moves otherwise, has a soft grip, or changes the mode; in process.
+
+    motion: the trial, whose amplitude, way and tremor do not count; before: path of the virtual
+    hand in the 3 s in which the spring fades in, then path: that of the trial; grip: of the hand;
+    switched_after: time at which the mode becomes then_mode [s].
+    """
+
+    motion: MotionTrial
+    before: HandPath
+    path: HandPath
+    grip: Grip = _RIGID
+    switched_after: float = math.inf
+    then_mode: int = 0
+
+    @property
+    def duration(self) -> float:
+        """Of the samples [s]."""
+        return self.motion.duration
+
+
 class PlanarTrial(NamedTuple):
     """The hand moves the handle in the plane while the planar law runs; in process only.
 
@@ -161,7 +185,7 @@ class PlanarTrial(NamedTuple):
     released_after: float = math.inf
 
 
-Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial
+Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial
 AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
@@ -234,7 +258,10 @@ def needs_of(trial: Trial) -> frozenset[str]:
     return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
 
 
-_NEEDS = {TorqueTrial: TORQUE, AnalyzerTrial: ANALYSER, StageTrial: STAGE, PlanarTrial: PLANE}
+_NEEDS = {
+    TorqueTrial: TORQUE, AnalyzerTrial: ANALYSER, StageTrial: STAGE, PlanarTrial: PLANE,
+    HandTrial: ONLY_IN_PROCESS,
+}  # fmt: skip
 
 
 def require(trial: Trial, bench: Bench) -> None:

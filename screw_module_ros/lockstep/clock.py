@@ -15,7 +15,7 @@ from ..clock import Arrivals, Clock, PlainArrivals, Serving
 from ..domain import domain_id
 from .end import End
 from .member import Member
-from .page import Page, alive, page_name
+from .page import NOW, Page, alive, page_name
 
 _STANDS_STILL_S = 2.0
 _PASSED_ON_S = 0.2  # wall clock after which a frame is not on its way through the rig
@@ -40,7 +40,7 @@ class SimulatedClock(Clock):
 
     def now_ns(self) -> int:
         """Return simulated time [ns]."""
-        return self.page.header[1]
+        return self.page.header[NOW]
 
     stamp_ns = now_ns
 

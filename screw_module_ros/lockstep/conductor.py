@@ -76,8 +76,11 @@ class Conductor:
         top = self._top
         while True:
             waits = sum(page.waits[:top])
+            if min(page.until[:top], default=FOREVER) <= page.now_ns:
+                return None  # looked at first, because it is quick
             if next(self._in_transit(), None) is not None:
                 return None
+            # In this order: who has just taken what was in transit is busy before that.
             earliest = min(page.until[:top], default=FOREVER)
             if earliest <= page.now_ns:
                 return None

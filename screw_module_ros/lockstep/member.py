@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from ..clock import TimeStandsStill
 from .end import End
-from .page import BUSY, FOREVER, NOBODY, Page
+from .page import BUSY, FOREVER, NOBODY, NOW, THREADS, TOP, Page
 
 _SLICE_S = 0.05
 """Longest sleep of a waiting thread: the cost of a missed wake-up."""
@@ -57,24 +57,27 @@ class Member:
 
         Raises TimeStandsStill.
         """
-        page, row = self._page, self.row
-        if page.now_ns >= until_ns:
+        page, row, header = self._page, self.row, self._page.header
+        if header[NOW] >= until_ns:
             page.until[row] = BUSY  # an idle or given-up member holds time again from now on
             return
-        stood_at, stood_since = page.now_ns, None
+        stood_at, stood_since = header[NOW], None
         try:
             while True:
                 for end in ends:  # each time: the conductor may have reset it
                     page.waiter[end.row] = row
                 seen = page.wake[row]
-                if page.now_ns >= until_ns or any(end.pending for end in ends):
+                if header[NOW] >= until_ns:
                     return
+                for end in ends:
+                    if end.pending:
+                        return
                 if page.until[row] != until_ns:  # a repetition must not count as progress
                     self._declare(until_ns)
                 page.sleep_thread(row, seen, _SLICE_S)
                 if page.wake[row] == seen:
-                    if page.now_ns != stood_at:
-                        stood_at, stood_since = page.now_ns, None
+                    if header[NOW] != stood_at:
+                        stood_at, stood_since = header[NOW], None
                     stood_since = self._look_up(stood_since)
         finally:
             page.until[row] = BUSY
@@ -83,9 +86,10 @@ class Member:
 
     def _declare(self, until_ns: int) -> None:
         page = self._page
+        header, until = page.header, page.until
         page.waits[self.row] += 1  # before the time: the conductor looks again
-        page.until[self.row] = until_ns
-        if min(page.until[: page.top]) > page.now_ns:
+        until[self.row] = until_ns
+        if min(until[: header[TOP] or THREADS]) > header[NOW]:
             page.wake_conductor()
 
     def _look_up(self, since: float | None) -> float:

@@ -35,6 +35,8 @@ _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
 _WORD = 8
 
 _HEADER = ("version", "now", "conductor", "roster", "wake", "asleep", "factor", "top")
+NOW, TOP = _HEADER.index("now"), _HEADER.index("top")
+"""Words of the header that each wait reads."""
 _TABLES = {
     "user_pid": USERS,
     "thread_pid": THREADS, "until": THREADS, "waits": THREADS, "wake": THREADS, "asleep": THREADS,
@@ -126,7 +128,7 @@ class Page:
             self.until[row] = FOREVER
         for row in range(ENDS):
             self.waiter[row] = NOBODY
-        self.header[1] = START_NS
+        self.header[NOW] = START_NS
         self.header[0] = _VERSION
 
     @contextmanager
@@ -144,11 +146,11 @@ class Page:
     @property
     def now_ns(self) -> int:
         """Simulated time [ns]."""
-        return self.header[1]
+        return self.header[NOW]
 
     @now_ns.setter
     def now_ns(self, now_ns: int) -> None:
-        self.header[1] = now_ns
+        self.header[NOW] = now_ns
 
     @property
     def conductor(self) -> int:
@@ -167,11 +169,11 @@ class Page:
     @property
     def top(self) -> int:
         """Upper bound of the threads' rows in use."""
-        return self.header[7] or THREADS
+        return self.header[TOP] or THREADS
 
     @top.setter
     def top(self, top: int) -> None:
-        self.header[7] = top
+        self.header[TOP] = top
 
     @property
     def factor(self) -> float:

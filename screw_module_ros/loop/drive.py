@@ -125,19 +125,23 @@ class VerticalDrive:
     def begin(self, tick: Tick) -> None:
         """Send the frames of the tick: SYNC and, when due, the heartbeat."""
         self.skipped += tick.skipped
-        with suppress(DeviceError):
+        try:
             self.drive.sync(tick.monotonic_ns)
             self.drive.heartbeat(tick.monotonic_ns)
+        except DeviceError:
+            pass
 
     def await_answer(self, tick: Tick) -> None:
         """Wait a moment for the drive's answer to SYNC: the permit needs its present state."""
         until_ns = tick.monotonic_ns + round(_ANSWER * self._period_ns)
-        with suppress(DeviceError):
+        try:
             while self._clock.now_ns() < until_ns:
                 reading = self.drive.reading
                 if reading is not None and reading.monotonic_ns >= tick.monotonic_ns:
                     return
                 self._pump(tick.monotonic_ns, until_ns)
+        except DeviceError:
+            pass
 
     def act(
         self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF
@@ -149,12 +153,14 @@ class VerticalDrive:
         """
         # Torque first: the status read last time is one period old, ten are allowed.
         self.asked = force
-        with suppress(DeviceError):
+        try:
             if self.command(sequence, monotonic_ns, force, now_ns, mode):
                 done_ns = self._clock.now_ns()
                 self.meter.tick(sequence, monotonic_ns, done_ns)
                 note_latency(self.own, done_ns - now_ns)
             self._pump(now_ns)
+        except DeviceError:
+            pass
 
     def end(self, tick: Tick, permission: Permission) -> None:
         """Update permit and drive, whether a command came or not."""
@@ -162,11 +168,15 @@ class VerticalDrive:
         if tick.sequence % self._look_every <= tick.skipped:  # also one that was left out
             permission(self.permit, now_ns)
             self.permit.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
-        with suppress(DeviceError):
+        try:
             if now_ns - self._pumped_ns > self._period_ns:
                 self._pump(now_ns)  # no command came; a command would have done it
-        with suppress(DeviceError):
+        except DeviceError:
+            pass
+        try:
             self.idle(now_ns)
+        except DeviceError:
+            pass
 
     def release(self, now_ns: int) -> None:
         """Close the permit and write zero, after an error that ends the loop."""

@@ -53,6 +53,9 @@ class Guidance(NamedTuple):
     weight: float
 
 
+NO_GUIDANCE = Guidance(0.0, 0.0, 0.0)
+
+
 class Guide:
     """The slot of one group of axes; the loop's thread also calls `ask`.
 
@@ -76,13 +79,18 @@ class Guide:
             self._slot, self._start_ns = slot.validated(), start_ns
             self._asked.note(now_ns)
 
+    @property
+    def free(self) -> bool:
+        """Whether there is no slot, nor one that fades out."""
+        return self._slot is None and self._state.weight == 0.0
+
     def guidance(
         self, x: float, y: float, vx: float, vy: float, now_ns: int, dt: float
     ) -> Guidance:
         """Return the slot's part for the hand at x, y [m], vx, vy [m/s], dt [s] after the last."""
         present = self._slot is not None and self._asked.fresh(now_ns)
         if not present and self._state.weight == 0.0:
-            return Guidance(0.0, 0.0, 0.0)
+            return NO_GUIDANCE
         since = (now_ns - self._start_ns) * 1e-9 if self._start_ns else OPEN
         inp = SlotInput(x, y, vx, vy, present, self._slot or _NO_SLOT, since)
         output, self._state = slot_step(self.limits, self._state, inp, dt)

@@ -31,7 +31,7 @@ from ..safety.permit import Permit, PermitSettings
 from ..safety.timing import DeadlineMeter
 from ..samples import ForceReading
 from ..settings import Setting
-from .inputs import Guidance, Guide, SetpointInput
+from .inputs import NO_GUIDANCE, Guidance, Guide, SetpointInput
 from .requests import Requests
 from .ticker import Tick, Ticker
 
@@ -140,7 +140,7 @@ class Joint:
         torque: net torque on the joint [Nm], NaN = not known. The error of a frozen position is
         unknown, so the home position is lost.
         """
-        frozen = self.frozen.check(self.angle, torque, self._period_ns * 1e-9)
+        frozen = self.frozen.check(self.motion.position, torque, self._period_ns * 1e-9)
         self.motion.homed = self.motion.homed and not frozen
         return frozen
 
@@ -189,7 +189,8 @@ class Plane:
     @property
     def homed(self) -> bool:
         """Whether both angles are absolute."""
-        return all(joint.motion.homed for joint in self.joints)
+        shoulder, elbow = self.joints
+        return shoulder.motion.homed and elbow.motion.homed
 
     def measures(self, now_ns: int) -> bool:
         """Return whether both drives have told their positions lately, at now_ns [ns]."""
@@ -237,19 +238,25 @@ class Plane:
         tick = self._ticker.sleep()
         self.skipped += tick.skipped
         now_ns = tick.monotonic_ns
-        with suppress(DeviceError):
+        try:
             self.request(now_ns)
+        except DeviceError:
+            pass
         self._wires.read_inputs(now_ns)
         self._check(now_ns)
         answered = False
-        with suppress(DeviceError):
+        try:
             answered = self._await_drives(now_ns)
-        with suppress(DeviceError):
+        except DeviceError:
+            pass
+        try:
             if answered:
                 self.act(now_ns)
                 self.meter.tick(tick.sequence, now_ns, self._clock.now_ns())
             else:
                 self.idle(now_ns)
+        except DeviceError:
+            pass
         self._wires.publish_state(tick)
 
     def request(self, now_ns: int) -> None:
@@ -281,8 +288,11 @@ class Plane:
 
     def answered(self, since_ns: int) -> bool:
         """Return whether both drives have answered since `since_ns` [ns]."""
-        readings = [drive.reading for drive in self._drives]
-        return all(each is not None and each.monotonic_ns >= since_ns for each in readings)
+        for drive in self._drives:
+            reading = drive.reading
+            if reading is None or reading.monotonic_ns < since_ns:
+                return False
+        return True
 
     def _await_drives(self, since_ns: int) -> bool:
         due_ns = self._ticker.due_ns()
@@ -302,12 +312,12 @@ class Plane:
         self._acted.note(now_ns)
         self._measure(max(1, round(elapsed_ns / self._period_ns)))
         self._check_frozen()
-        shoulder, elbow = self.joints
-        acts = self.homed and self.permit.enabled
+        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        acts = shoulder.homed and elbow.homed and self.permit.enabled
         x, y, vx, vy = self.wanted.at(now_ns, acts)
         inp = PlanarInput(
-            shoulder.angle,
-            elbow.angle,
+            shoulder.position,
+            elbow.position,
             shoulder.velocity,
             elbow.velocity,
             x,
@@ -339,9 +349,11 @@ class Plane:
                 self.permit.fault.set(f"{drive.label} {wrong}")
 
     def _guidance(self, now_ns: int, dt: float) -> Guidance:
-        shoulder, elbow = self.joints
-        x, y = forward(shoulder.angle, elbow.angle, self.settings.arm)
-        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, self.settings.arm)
+        if self.guide.free:
+            return NO_GUIDANCE
+        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        x, y = forward(shoulder.position, elbow.position, self.settings.arm)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.position, elbow.position, self.settings.arm)
         vx = x_s * shoulder.velocity + x_e * elbow.velocity
         vy = y_s * shoulder.velocity + y_e * elbow.velocity
         return self.guide.guidance(x, y, vx, vy, now_ns, dt)
@@ -352,7 +364,7 @@ class Plane:
             for joint in self.joints:
                 joint.frozen.restart()
             return
-        angles = self.joints[0].angle, self.joints[1].angle
+        angles = self.joints[0].motion.position, self.joints[1].motion.position
         judged = clear_of_stops(self.settings, *angles)
         pushed = hand_torques(*angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
         for drive, joint, torque, push in zip(

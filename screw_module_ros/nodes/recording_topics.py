@@ -26,7 +26,7 @@ from screw_module_ros.recording.bag import Message, Topic
 from screw_module_ros.recording.definitions import UNKNOWN, DefinitionError, Definitions
 from screw_module_ros.recording.recorder import Recording
 
-from .support.inbox import HotGroup, awaited, never
+from .support.inbox import HotGroup, awaited, never, new_wait_set
 from .support.topics import message_class, offered
 
 LOG = "/rosout"
@@ -59,6 +59,7 @@ class Taps:
         """Subscribe to the topics of the graph; `extra`: names of others."""
         self._node, self._clock, self._recording = node, clock, recording
         self._group = HotGroup()
+        self._wait_set = new_wait_set(node, 1)
         self._lock = threading.Lock()  # of declarations
         self._taps: dict[str, _Tap] = {}
         self._extra = dict.fromkeys((*_BESIDE, *map(node.resolve_topic_name, extra)))
@@ -140,7 +141,7 @@ class Taps:
             if got is None and end is not None and end.pending:
                 # Published and still in transit; it is None when it was lost.
                 handle = tap.subscription.handle
-                got = awaited(self._node, lambda: take(kind, True), handle, end)
+                got = awaited(self._wait_set, lambda: take(kind, True), handle, end)
             if got is None:
                 break
             if not tap.channel:

@@ -111,11 +111,12 @@ def hand_point(path: HandPath, time: float) -> tuple[float, float]:
 
 
 def spring_terms(
-    arm: ArmForce, hand: float, hand_velocity: float, position: float, velocity: float
+    arm: Any, hand: float, hand_velocity: float, position: float, velocity: float
 ) -> tuple[float, float, float]:
     """Return (stiffness, damping, constant force) that act over one substep on one axis.
 
-    A weak arm at its limit is a constant force. hand, position [m]; velocities [m/s].
+    arm: an `ArmForce`, or the `Grip` of a hand; at its limit it is a constant force. hand,
+    position [m]; velocities [m/s].
     """
     force = arm.stiffness * (hand - position) + arm.damping * (hand_velocity - velocity)
     if force > arm.limit:

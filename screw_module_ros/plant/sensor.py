@@ -45,6 +45,9 @@ class Sensor(NamedTuple):
     torque_drift: Annotated[float, Setting("zero, when warm", "Nm", 0.0, 10.0)]
     drift_time: Annotated[float, Setting("warm-up time constant", "s", 1.0, 1e5)]
     bandwidth: Annotated[float, Setting("first-order filter, force along z", "Hz", 10.0, 1e5)]
+    hysteresis: Annotated[
+        float, Setting("half the width of the loop, force along z", "N", 0.0, 10.0)
+    ] = 0.0
 
 
 class SensorParams(NamedTuple):

@@ -10,11 +10,20 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..compiled import compiled, packed
 from ..settings import validated
 from .amplifier import bridge_current
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
-from .module import HUMAN_ARM, LOCKED_ROTOR, ModuleInput, resting_state, vertical_params
+from .module import (
+    HUMAN_ARM,
+    LOCKED_ROTOR,
+    ModuleInput,
+    ModuleState,
+    resting_state,
+    vertical_params,
+)
 from .patient import ArmSettings, arm_force, changed_patient, moved_patient, resting_patient
 from .planar import ManusInput, planar_params, resting_plane, tip
 from .sensor import (
@@ -27,7 +36,13 @@ from .sensor import (
     true_wrench,
 )
 from .settings import WorldSettings, load_world
-from .simulation import SimulationParams, SimulationState, advance, advance_packed
+from .simulation import (
+    SimulationParams,
+    SimulationState,
+    advance_packed,
+    numbers_of,
+    state_of,
+)
 
 __all__ = ["ArmSettings", "Truth", "World", "WorldSettings", "load_world"]
 
@@ -72,9 +87,10 @@ class World:
         Raises ValueError when settings do not fit together, CompileError without numba.
         """
         self.settings = validated(settings)
-        self._advance = compiled(advance_packed) if compile else advance
+        self._advance = compiled(advance_packed) if compile else advance_packed
         self._measure = compiled(measured_wrench) if compile else measured_wrench
-        self._prepared = packed if compile else lambda parameters: parameters
+        self._prepared = packed if compile else lambda parameters: (parameters,)
+        self._plain: Any = np.ndarray.tolist if compile else list
         self.vertical_command = 0.0
         self.planar_command = (0.0, 0.0)
         self.vertical_powered = False
@@ -96,6 +112,8 @@ class World:
             resting_plane(settings.planar, start.x, start.y),
             start.x, start.y, start.position, 0.0, 0.0, 0.0,
         )  # fmt: skip
+        numbers = numbers_of(self._state)  # of the same state, for `_advance`
+        self._numbers: Any = np.array(numbers) if compile else numbers
         self._params = self._built()
         self.advance(0.0)  # compiles now, not in the first tick
         self.wrench()
@@ -107,7 +125,7 @@ class World:
         return self._prepared(
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
-                                s.sensor.bandwidth),
+                                s.sensor.bandwidth, s.sensor.hysteresis),
                 planar_params(s.planar, arm, s.substep),
                 *self._patient.paths,
             )
@@ -121,9 +139,10 @@ class World:
         if not 0.0 <= dt < math.inf:
             raise ValueError(f"dt = {dt!r} s: time only goes forward, by finite steps")
         steps, self._owed_ns = divmod(self._owed_ns + round(dt * 1e9), self._substep_ns)
-        self._state = self._advance(
-            self._params, self._state, self._vertical_input(), self._planar_input(), steps
+        self._advance(
+            self._params, self._numbers, self._vertical_input(), self._planar_input(), steps
         )
+        self._state = state_of(self._plain(self._numbers))
         if self._fixture.placing:
             v = self._state.vertical
             if placed(self._fixture, v.handle, v.handle_velocity):
@@ -143,11 +162,11 @@ class World:
         )  # fmt: skip
 
     def _planar_input(self) -> ManusInput:
-        shoulder, elbow = (float(torque) for torque in self.planar_command)
+        shoulder, elbow = map(float, self.planar_command)
         if not math.isfinite(shoulder + elbow):
             raise ValueError(f"planar_command = {self.planar_command!r} Nm: finite numbers wanted")
-        on_1, on_2 = (bool(on) for on in self.planar_powered)
-        brake_1, brake_2 = (bool(on) for on in self.planar_braked)
+        on_1, on_2 = map(bool, self.planar_powered)
+        brake_1, brake_2 = map(bool, self.planar_braked)
         return ManusInput(
             shoulder, elbow, on_1, on_2, brake_1 and not on_1, brake_2 and not on_2,
             self._fixture.kind == HUMAN_ARM, 0.0, 0.0, 0.0, 0.0,
@@ -201,7 +220,7 @@ class World:
         true = true_wrench(
             plane.force_x,
             plane.force_y,
-            v.filtered_force,
+            v.shown_force,
             self.settings.vertical.grip_height,
             self.settings.transducer.stiffness * v.rotor_angle,
         )
@@ -265,7 +284,12 @@ class World:
             self._params = self._built()
         if self._fixture.kind != LOCKED_ROTOR and v.rotor_angle != 0.0:  # loose, it untwists
             loose = v._replace(rotor_angle=0.0, rotor_velocity=0.0)
-            self._state = self._state._replace(vertical=loose)
+            self._put(loose)
+
+    def _put(self, vertical: ModuleState) -> None:
+        """Replace the state of the module."""
+        self._state = self._state._replace(vertical=vertical)
+        self._numbers[:] = numbers_of(self._state)
 
     def place(self, position: float) -> None:
         """Put nut and handle at a height [m] at rest, at once: for studies in process.
@@ -276,5 +300,5 @@ class World:
         if not 0.0 <= position <= module.travel:
             raise ValueError(f"position = {position!r} m: 0 to {module.travel:g} m is wanted")
         vertical = resting_state(module, float(position), self._fixture.upright)
-        self._state = self._state._replace(vertical=vertical)
+        self._put(vertical)
         self._fixture = running(self._fixture, module.travel, vertical.handle)

@@ -80,11 +80,14 @@ class CanopenDevice(SimulatedDevice):
             if now_ns >= self._boot_at_ns and not self.unpowered:
                 self._boot()
             return
-        self._beat()
-        for node_id in [i for i, due_ns in self._deadlines_ns.items() if now_ns >= due_ns]:
-            self._heartbeat_lost(node_id)
+        if self._beat_ns and now_ns >= self._next_beat_ns:
+            self._beat()
+        for node_id, due_ns in (*self._deadlines_ns.items(),):
+            if now_ns >= due_ns:
+                self._heartbeat_lost(node_id)
         for rpdo in self._rpdos:
-            rpdo.poll(now_ns)
+            if rpdo.deadline_ns and now_ns >= rpdo.deadline_ns:
+                rpdo.expire()
         if self.operational and not self.mute_pdos:
             for tpdo in self._event_tpdos:
                 tpdo.poll(now_ns)
@@ -119,10 +122,8 @@ class CanopenDevice(SimulatedDevice):
     # Heartbeats (CiA 301, section 7.2.8.3.2): a node's first one arms its watch, not the write.
 
     def _beat(self) -> None:
-        """Send the heartbeat if it is due; those missed meanwhile are skipped."""
+        """Send the heartbeat that is due; those missed meanwhile are skipped."""
         late_ns = self.now_ns - self._next_beat_ns
-        if not self._beat_ns or late_ns < 0:
-            return
         self._next_beat_ns += self._beat_ns * (late_ns // self._beat_ns + 1)
         if not self.mute_heartbeat:
             self.send(_HEARTBEAT + self.node_id, bytes((self.state,)))

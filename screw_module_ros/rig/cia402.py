@@ -86,29 +86,25 @@ def command(controlword: int) -> int:
 class StateMachine:
     """State of one drive.
 
-    option: reads an option code (605A, 605B, 605C or 605E) as it is now.
+    option: reads an option code (605A, 605B, 605C or 605E) as it is now. state: the present one.
+    after_stop: the next one while the drive waits for the motor to stand still, else None.
     """
 
     def __init__(self, option: Callable[[int], int]):
         self._option = option
-        self._after_stop: int | None = None
+        self.after_stop: int | None = None
         self._last_controlword = 0
         self.state = NOT_READY
 
     @property
     def driving(self) -> bool:
         """Return whether the drive follows its target."""
-        return self.state == ENABLED and self._after_stop is None
+        return self.state == ENABLED and self.after_stop is None
 
     @property
     def braking(self) -> bool:
         """Return whether the drive is braking the motor."""
-        return self._after_stop is not None or self.state == QUICK_STOP
-
-    @property
-    def stopping(self) -> bool:
-        """Return whether the drive waits for the motor to stand still."""
-        return self._after_stop is not None
+        return self.after_stop is not None or self.state == QUICK_STOP
 
     def boot(self) -> None:
         """Go through the self-test: transitions 0 and 1."""
@@ -127,8 +123,8 @@ class StateMachine:
                 self._go(SWITCH_ON_DISABLED)
             return
         requested = command(controlword)
-        if self._after_stop is not None and self.state == ENABLED and requested == ENABLE:
-            self._after_stop = None
+        if self.after_stop is not None and self.state == ENABLED and requested == ENABLE:
+            self.after_stop = None
             return
         target = _TRANSITIONS.get((self.state, requested))
         if target is not None and (may_switch_on or target == SWITCH_ON_DISABLED):
@@ -139,7 +135,7 @@ class StateMachine:
         if self.state in (FAULT, FAULT_REACTION):
             return
         if self.state in (ENABLED, QUICK_STOP) and self._option(FAULT_OPTION):
-            self.state, self._after_stop = FAULT_REACTION, FAULT
+            self.state, self.after_stop = FAULT_REACTION, FAULT
         else:
             self._go(FAULT)
 
@@ -156,8 +152,8 @@ class StateMachine:
 
     def standstill(self) -> None:
         """Finish the transition that waited for standstill."""
-        if self._after_stop is not None:
-            self._go(self._after_stop)
+        if self.after_stop is not None:
+            self._go(self.after_stop)
 
     def _take(self, target: int) -> None:
         if target == QUICK_STOP:
@@ -168,7 +164,7 @@ class StateMachine:
         elif self.state == ENABLED and target in (SWITCHED_ON, READY):
             option = DISABLE_OPTION if target == SWITCHED_ON else SHUTDOWN_OPTION
             if self._option(option):
-                self._after_stop = target
+                self.after_stop = target
             else:
                 self._go(target)
         else:
@@ -180,8 +176,8 @@ class StateMachine:
             self._go(SWITCH_ON_DISABLED)
             return
         self.state = QUICK_STOP
-        self._after_stop = None if option in _STAYS_IN_QUICK_STOP else SWITCH_ON_DISABLED
+        self.after_stop = None if option in _STAYS_IN_QUICK_STOP else SWITCH_ON_DISABLED
 
     def _go(self, state: int) -> None:
         self.state = state
-        self._after_stop = None
+        self.after_stop = None

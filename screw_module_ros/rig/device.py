@@ -35,10 +35,12 @@ class SimulatedDevice:
     def poll(self, now_ns: int) -> None:
         """End the faults whose time is over; send the frames that faults of the cable held back."""
         self.now_ns = now_ns
-        for name in self.active:
-            if now_ns >= self._until_ns[name]:
-                self._end(name)
-        self.link.poll(now_ns)
+        if self._until_ns:
+            for name in self.active:
+                if now_ns >= self._until_ns[name]:
+                    self._end(name)
+        if self.link.faults:
+            self.link.poll(now_ns)
 
     def refresh(self) -> None:
         """React to an attribute that a fault has changed."""

@@ -120,22 +120,25 @@ class SimulatedDrive(CanopenDevice):
     @property
     def voltage_lost(self) -> bool:
         """Return whether the power stage has no supply."""
-        return self.torque_off or UNDERVOLTAGE in self.causes
+        codes = (self.over_current, self.over_temperature, self.any_fault)
+        return self.torque_off or UNDERVOLTAGE in codes
 
     @property
     def causes(self) -> list[int]:
         """The error codes of faults whose cause lasts."""
         codes = (self.over_current, self.over_temperature, self.any_fault)
-        return [code for code in codes if code]
+        return [*filter(None, codes)]
 
     # What CiA 301 calls back.
 
     def written(self, now_ns: int) -> None:
         """Act on a controlword, a target or a setting."""
         self._physics.advance(now_ns)
-        may_switch_on = not self.voltage_lost
-        self.machine.control(self._controlword, not self.causes, may_switch_on)
-        self._check_fault_gone()
+        causes = self.causes
+        may_switch_on = not self.torque_off and UNDERVOLTAGE not in causes
+        self.machine.control(self._controlword, not causes, may_switch_on)
+        if self.error_code:
+            self._check_fault_gone()
         if self.refuse_enable and self.machine.state == cia402.ENABLED:
             self.machine.state = cia402.SWITCHED_ON
         self._act(now_ns)
@@ -183,7 +186,7 @@ class SimulatedDrive(CanopenDevice):
     def poll(self, now_ns: int) -> None:
         """Run the timers, the torque ramp and the wait for standstill."""
         super().poll(now_ns)
-        if self.machine.stopping:
+        if self.machine.after_stop is not None:
             self._watch_stop(now_ns)
         elif self._mode == PROFILE_TORQUE and self.machine.driving:
             self._act(now_ns)
@@ -229,20 +232,20 @@ class SimulatedDrive(CanopenDevice):
         node.checks.append(self._check_write)
         node.sources.update(
             {
-                (0x603F, 0): lambda: self.error_code,
-                (0x6040, 0): lambda: self._controlword,
+                (0x603F, 0): partial(getattr, self, "error_code"),
+                (0x6040, 0): partial(getattr, self, "_controlword"),
                 (0x6041, 0): self.statusword,
-                (0x6060, 0): lambda: self._mode,
+                (0x6060, 0): partial(getattr, self, "_mode"),
                 (0x6061, 0): lambda: 0 if self.mode_lost else self._mode,
                 (0x6064, 0): self.position,
-                (0x6071, 0): lambda: self._target,
+                (0x6071, 0): partial(getattr, self, "_target"),
                 (0x6074, 0): lambda: round(self._demand),
                 (0x6076, 0): self._shown_rating,
                 (0x6077, 0): self.torque,
                 (0x6078, 0): self.torque,
                 (0x6079, 0): lambda: 0 if self.voltage_lost else 48_000,
-                (0x60B2, 0): lambda: self._torque_offset,
-                (0x60FD, 0): lambda: self.digital_inputs,
+                (0x60B2, 0): partial(getattr, self, "_torque_offset"),
+                (0x60FD, 0): partial(getattr, self, "digital_inputs"),
                 (0x6502, 0): lambda: self._own_modes if self.modes is None else self.modes,
             }
         )
@@ -290,7 +293,7 @@ class SimulatedDrive(CanopenDevice):
             self._mode = value
 
     def _check_fault_gone(self) -> None:
-        if self.error_code and self.machine.state == cia402.SWITCH_ON_DISABLED:
+        if self.machine.state == cia402.SWITCH_ON_DISABLED:
             self.error_code = 0
             self.errors.resolve_all()
 
@@ -318,7 +321,7 @@ class SimulatedDrive(CanopenDevice):
         if self.motor_open:
             driving = False
         self.axis.drive(torque if driving else 0.0, driving, machine.braking)
-        if not machine.stopping:
+        if machine.after_stop is None:
             self._stop_ns = 0
 
     def _watch_stop(self, now_ns: int) -> None:

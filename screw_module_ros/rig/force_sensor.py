@@ -12,6 +12,7 @@ import math
 import struct
 from functools import partial
 
+from screw_module_ros.compiled import compiled
 from screw_module_ros.plant.sensor import advanced, normal_pair, seeded
 from screw_module_ros.rig.device import SimulatedDevice
 from screw_module_ros.rig.faults import FORCE_SENSOR
@@ -70,6 +71,7 @@ class SimulatedForceSensor(SimulatedDevice):
         self._calibration = CALIBRATIONS[0]
         self._silent_until_ns = 0
         self._seeds = seeded(base_id)
+        flicker(self._seeds, 0)  # compiles now, not in the first tick
         self._drift_from_ns = 0
         self.link.listen(self._handlers())
 
@@ -84,7 +86,7 @@ class SimulatedForceSensor(SimulatedDevice):
         if noise:
             numbers = flicker(self._seeds, now_ns)
             raw = [value + noise * number for value, number in zip(raw, numbers, strict=True)]
-        counts = [limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
+        counts = limited([value + zero for value, zero in zip(raw, ZERO_OFFSETS, strict=True)])
         if self.saturated is not None:
             counts[self.saturated] = LARGEST_COUNT
         return counts
@@ -194,16 +196,19 @@ class SimulatedForceSensor(SimulatedDevice):
         self.status |= CAN_ERROR
 
 
-def flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
+def flicker(seeds: tuple[int, int], now_ns: int) -> tuple[float, ...]:
     """Return six standard normal numbers, the same at each call within a microsecond."""
-    first, second = advanced(*seeds, _GAUGES * (now_ns // 1000))
-    numbers: list[float] = []
-    for _ in range(_GAUGES // 2):
-        one, other, first, second = normal_pair(first, second)
-        numbers += (one, other)
-    return numbers
+    return compiled(six_normal)(*advanced(*seeds, _GAUGES * (now_ns // 1000)))
 
 
-def limited(value: float) -> int:
-    """Return a number of counts as a 16-bit converter gives it."""
-    return max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value)))
+def six_normal(first: int, second: int) -> tuple[float, float, float, float, float, float]:
+    """Return six standard normal numbers from this state of the generator."""
+    n1, n2, first, second = normal_pair(first, second)
+    n3, n4, first, second = normal_pair(first, second)
+    n5, n6, first, second = normal_pair(first, second)
+    return n1, n2, n3, n4, n5, n6
+
+
+def limited(values: list[float]) -> list[int]:
+    """Return numbers of counts as a 16-bit converter gives them."""
+    return [max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value))) for value in values]

@@ -35,13 +35,14 @@ Frame = tuple[int, bytes]
 class Link:
     """The cable of one device.
 
-    port: its bus; device: its name, the seed of the random faults.
+    port: its bus; device: its name, the seed of the random faults. faults: the active ones, oldest
+    first, with their sizes.
     """
 
     def __init__(self, port: RigPort, device: str):
         self.port = port
         self._handlers: dict[int, Handler] = {}
-        self._faults: dict[str, float] = {}  # active ones, oldest first, with their sizes
+        self.faults: dict[str, float] = {}
         self._random = random.Random(zlib.crc32(device.encode()))
         self._held: Frame | None = None
         self._held_ns = 0
@@ -56,39 +57,40 @@ class Link:
 
     def received(self) -> dict[int, Handler]:
         """Return the handlers that frames reach."""
-        return self._handlers if _DEAF.isdisjoint(self._faults) else {}
+        return self._handlers if _DEAF.isdisjoint(self.faults) else {}
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame of the device, through the faults if there are any."""
-        if not self._faults:
+        if not self.faults:
             self.port.send(can_id, data)
             return
         frames = [(can_id, bytes(data))]
-        for fault, size in self._faults.items():
+        for fault, size in self.faults.items():
             frames = [changed for frame in frames for changed in self._changed(fault, size, frame)]
         for frame in frames:
             self.port.send(*frame)
 
     def start(self, fault: str, size: float = 0.0) -> None:
         """Begin a fault; size: in the unit of `faults.CABLE`."""
-        self._faults[fault] = size
+        self.faults[fault] = size
         self._flooded_ns = self.port.now_ns
         self.port.rebuild()
 
     def end(self, fault: str) -> None:
         """End a fault; after the last one, send the frames that were held back."""
-        self._faults.pop(fault, None)
+        self.faults.pop(fault, None)
         self.port.rebuild()
-        if not self._faults:
+        if not self.faults:
             self._release(all_of_them=True)
 
     def poll(self, now_ns: int) -> None:
-        """Send frames whose delay is over, and the flood's frames since the last call."""
-        if not self._faults:
-            return
+        """Send frames whose delay is over, and the flood's frames since the last call.
+
+        Only faults hold frames back: without any there is nothing to do.
+        """
         self.port.now_ns = now_ns
         self._release()
-        rate = self._faults.get("flood", 0.0)
+        rate = self.faults.get("flood", 0.0)
         count = int(min(rate * (now_ns - self._flooded_ns) / _MS, LARGEST_BURST))
         if count > 0:
             self._flooded_ns = now_ns

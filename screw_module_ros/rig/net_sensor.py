@@ -43,7 +43,7 @@ class SimulatedNetSensor(SimulatedForceSensor):
         raw += [COUNTS_PER_NEWTON_METRE * torque for torque in torques]
         noise = math.hypot(self.converter_noise, self.noise)
         numbers = flicker(self._seeds, now_ns)
-        counts = [limited(value + noise * n) for value, n in zip(raw, numbers, strict=True)]
+        counts = limited([value + noise * n for value, n in zip(raw, numbers, strict=True)])
         if self.saturated is not None:
             counts[self.saturated] = LARGEST_COUNT
         return counts

@@ -140,7 +140,10 @@ class Tpdo(_Pdo):
             self._transmit(data, now_ns)
 
     def _pack(self) -> bytes:
-        return self._struct.pack(*[source() for source in self._sources])
+        values = []
+        for source in self._sources:
+            values.append(source())
+        return self._struct.pack(*values)
 
     def _transmit(self, data: bytes, now_ns: int) -> None:
         self._last, self._sent_ns = data, now_ns
@@ -151,11 +154,12 @@ class Rpdo(_Pdo):
     """One receive PDO.
 
     Its deadline timer (sub-index 5) is armed by a frame, not by the write of the sub-index.
+    deadline_ns: when it runs out [ns], 0 = not armed.
     """
 
     _held: bytes | None = None
     _bad_length = _late = False
-    _deadline_ns = 0  # 0 = not armed
+    deadline_ns = 0
 
     def refresh(self) -> None:
         """Read the configuration again; a timer set to zero or a PDO switched off is disarmed."""
@@ -163,7 +167,7 @@ class Rpdo(_Pdo):
         self._event_ns = self._event_ns or self._device.own_deadline_ns()
         self._sinks = [_sink(self._device.node, key) for key in self._keys]
         if not (self.valid and self._event_ns):
-            self._deadline_ns = 0
+            self.deadline_ns = 0
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Process a frame: refuse a short one, truncate a long one, report both."""
@@ -181,7 +185,7 @@ class Rpdo(_Pdo):
             self._bad_length = False
             device.errors.resolve(TOO_SHORT)
             device.errors.resolve(TOO_LONG)
-        self._deadline_ns = now_ns + self._event_ns if self._event_ns else 0
+        self.deadline_ns = now_ns + self._event_ns if self._event_ns else 0
         if self._late:
             self._late = False
             device.connection_back(TIMEOUT)
@@ -196,16 +200,15 @@ class Rpdo(_Pdo):
             data, self._held = self._held, None
             self._apply(data, now_ns)
 
-    def poll(self, now_ns: int) -> None:
+    def expire(self) -> None:
         """Report a missed deadline, once; the next frame arms the timer again."""
-        if self._deadline_ns and now_ns >= self._deadline_ns:
-            self._deadline_ns = 0
-            self._late = True
-            self._device.connection_lost(TIMEOUT)
+        self.deadline_ns = 0
+        self._late = True
+        self._device.connection_lost(TIMEOUT)
 
     def disarm(self) -> None:
         """Clear the deadline and a held frame, as a reset does."""
-        self._deadline_ns = 0
+        self.deadline_ns = 0
         self._held = None
         self._late = self._bad_length = False
 

@@ -52,7 +52,8 @@ class Physics:
         if not self.reached_ns:
             self.reached_ns = now_ns
         if self.stepped:
-            self._step(now_ns)
+            if self._due or now_ns > self.reached_ns:
+                self._step(now_ns)
             return
         elapsed = now_ns - self.reached_ns
         if elapsed < _SHORTEST_NS:
@@ -67,14 +68,15 @@ class Physics:
     def _step(self, now_ns: int) -> None:
         while self._due and self._due[0][0] <= now_ns:
             due_ns, change = self._due.popleft()
-            self._go_to(due_ns)
+            if due_ns > self.reached_ns:
+                self._go_to(due_ns)
             change()
-        self._go_to(now_ns)
+        if now_ns > self.reached_ns:
+            self._go_to(now_ns)
 
     def _go_to(self, now_ns: int) -> None:
-        if now_ns > self.reached_ns:
-            self.world.advance((now_ns - self.reached_ns) * 1e-9)
-            self.reached_ns = now_ns
+        self.world.advance((now_ns - self.reached_ns) * 1e-9)
+        self.reached_ns = now_ns
 
     def act(self, change: Callable[[], None]) -> None:
         """Apply a change of the commands: now, or in lock step after the latency."""
@@ -90,7 +92,8 @@ class Physics:
 
     def look(self, now_ns: int) -> None:
         """Advance the world to `now_ns` for a reader, unless it is recent enough."""
-        if self.stepped or now_ns - self.reached_ns >= _RECENT_NS:
+        recent_ns = 1 if self.stepped else _RECENT_NS
+        if self._due or now_ns - self.reached_ns >= recent_ns:
             self.advance(now_ns)
 
     def resume(self) -> None:

@@ -109,13 +109,18 @@ class Rig:
 
         Returns the number of frames handled.
         """
-        self._serve_requests()
-        handled, waiting = 0, True
-        while waiting and handled < _MOST_FRAMES:
-            served = [port.receive(now_ns) for port in self._distinct]
-            waiting = any(served)
-            handled += sum(served)
+        handled = self.serve(now_ns)
         self._housekeep(now_ns)
+        return handled
+
+    def serve(self, now_ns: int) -> int:
+        """Serve requests and every waiting frame; return the number of frames."""
+        if self._requests:
+            self._serve_requests()
+        handled, waiting = 0, self._distinct
+        while waiting and handled < _MOST_FRAMES:
+            waiting = [port for port in waiting if port.receive(now_ns)]
+            handled += len(waiting)
         return handled
 
     def run(self, should_stop: Callable[[], bool]) -> None:
@@ -176,7 +181,7 @@ class Rig:
         """Handle the frames of the members of simulated time, one from each bus in turn."""
         while True:
             waiting = [port for port in self._distinct if port.expects()]
-            if not sum(port.receive(now_ns) for port in waiting):
+            if not [port for port in waiting if port.receive(now_ns)]:
                 return
 
     def _serve_uncounted(self, now_ns: int) -> None:

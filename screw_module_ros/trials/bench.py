@@ -37,7 +37,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import worker_pool
-from screw_module_ros.identification.trials import MotionTrial, StageTrial, Trial
+from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.safety.timing import histogram_of, quantile
@@ -74,7 +74,7 @@ LEGEND = (
 SUBSCRIBED = (topics.ENDPOINT_STATE, topics.THERAPY_STATE)
 """Topics of the patient's page, see bridge/pages/static/js/patient/main.js."""
 LOOP_S = 60.0
-LOOP_TRIALS: dict[str, Trial] = {
+LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
     "closed loop, combined law, arm": MotionTrial(
         modes.COMBINED, VerticalSettings(), duration=LOOP_S
     ),

@@ -2,8 +2,9 @@
 """`demo`: the whole robot against the simulated rig, from bring-up to a table and two figures.
 
 Every node runs as a process of its own. A simulated patient (the arm of the thesis's simulation,
-6.4.3) moves the handle through a spring of 100 N/m about 0.18 m in three modes while the plane
-makes a centre-out reach. The recorder writes all topics; the table uses only the bag.
+6.4.3) moves the handle through a spring of 100 N/m about 0.18 m in three modes, and then holds it
+still, while the plane makes a centre-out reach. The recorder writes all topics; the table uses only
+the bag.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 import yaml
+from matplotlib.figure import Figure
 from rich.table import Table
 from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import graph
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import figures
 from screw_module_ros.identification.figures import Path3D, Trace
 from screw_module_ros.identification.force_metric import (
@@ -30,6 +33,7 @@ from screw_module_ros.identification.force_metric import (
     Spring,
     common_ticks,
     offsets,
+    spring_force,
 )
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.counts import Counts
@@ -60,6 +64,7 @@ _LEAVE = math.nan
 _SETPOINT_PERIOD_S = 0.02  # as a game at 50 frames per second publishes
 _CHECK_EVERY = 12  # set points
 _SETTLE_S, _RETURN_S = 0.8, 1.5
+_STOP_S, _HOLD_S = 0.7, 1.0  # the hand comes to rest, and holds still
 _ENCODER, _FORCE = f"/{graph.ENCODER}", f"/{graph.FORCE}"
 _DRIVE, _ENDPOINT = f"/{graph.AMPLIFIER_STATE}", f"/{graph.ENDPOINT_STATE}"
 
@@ -67,29 +72,32 @@ _DRIVE, _ENDPOINT = f"/{graph.AMPLIFIER_STATE}", f"/{graph.ENDPOINT_STATE}"
 class Mode(NamedTuple):
     """A control mode of the demo, and its acceptance.
 
-    number: constant of ForceCommand; thesis: its figure; low, high: bounds of the mean offset [N].
+    number: constant of ForceCommand; thesis: its figure; low, high: bounds of the mean offset in
+    motion [N]; damping: commanded [Ns/m].
     """
 
     number: int
     thesis: str
-    low: float = 0.0
-    high: float = math.inf
+    low: float
+    high: float
+    damping: float = 0.0
 
     @property
     def wanted(self) -> str:
-        """The bounds as text, empty without any."""
-        if self.high == math.inf:
-            return ""
+        """The bounds as text."""
         return f"{self.low:g} to {self.high:g} N" if self.low else f"below {self.high:g} N"
 
 
-IMPEDANCE = "impedance (PD)"
-FRICTION_COMPENSATION = "friction compensation"
-FORCE_FEEDBACK = "force feedback"
+IMPEDANCE = "1 impedance"
+FORCE_FEEDBACK = "3 force feedback"
+OBSERVER = "5 observer"
+_OBSERVED = VerticalSettings(stiffness=SPRING.stiffness)
 MODES = {
     IMPEDANCE: Mode(ForceCommand.IMPEDANCE, "about 10 N (fig 6-1)", 7.0, 13.0),
-    FRICTION_COMPENSATION: Mode(ForceCommand.FRICTION_COMPENSATION, "better in motion (fig 6-8)"),
-    FORCE_FEEDBACK: Mode(ForceCommand.FORCE_FEEDBACK, "about 2 N (fig 6-10)", high=3.0),
+    FORCE_FEEDBACK: Mode(ForceCommand.FORCE_FEEDBACK, "about 2 N (fig 6-10)", 0.0, 3.0),
+    OBSERVER: Mode(
+        ForceCommand.OBSERVER, "proposed (7.1)", 0.0, 1.0, float(math.ceil(_OBSERVED.least_damping))
+    ),
 }
 
 
@@ -99,6 +107,23 @@ class Part(NamedTuple):
     name: str
     begin_ns: int
     end_ns: int
+
+
+class Work(NamedTuple):
+    """What the hand did in one mode: it moved, and then it held still."""
+
+    moving: Part
+    holding: Part
+
+    @property
+    def name(self) -> str:
+        """Name of the mode."""
+        return self.moving.name
+
+    @property
+    def whole(self) -> Part:
+        """Both, with the stop between them."""
+        return self.moving._replace(end_ns=self.holding.end_ns)
 
 
 class Timing(NamedTuple):
@@ -130,13 +155,15 @@ class Timing(NamedTuple):
 class Results(NamedTuple):
     """Results of the demo; traces, offsets and paths are in the order of its parts.
 
-    bag: folder of the recording, None if it was deleted. factor: simulated seconds per second,
-    None for a run by wall clock.
+    traces, offsets: in motion; held: mean of |offset| while the hand holds still [N]. bag: folder
+    of the recording, None if it was deleted. factor: simulated seconds per second, None for a run
+    by wall clock.
     """
 
-    parts: Sequence[Part]
+    parts: Sequence[Work]
     traces: list[Trace]
     offsets: list[Offsets]
+    held: list[float]
     paths: list[Path3D]
     timing: Timing
     counts: dict[str, Counts]
@@ -164,7 +191,7 @@ class Results(NamedTuple):
 
 @command("demo")
 @output_option("demo_output")
-@click.option("--quick", is_flag=True, help="One cycle and 4 targets per mode; else 2 and 8.")
+@click.option("--long/--quick", "long", default=False, help="2 cycles and 8 targets, or 1 and 4.")
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
@@ -173,13 +200,14 @@ class Results(NamedTuple):
 @click.option("--devices", default="", metavar="NAME,...", help="Makes of the simulated devices.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
 def demo(
-    console: Console, folder: Path, quick: bool, keep_bag: bool, params: str | None,
+    console: Console, folder: Path, long: bool, keep_bag: bool, params: str | None,
     node_logs: bool, composed: bool, wall_clock: bool, devices: str, strict: bool,
 ) -> bool:  # fmt: skip
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
     begun = time.monotonic()
     run = new_folder(folder, console)
     extra = [*recordings_in(run), "-p", "session_recorder:name:=session"]
+    extra += ["-p", "sim_rig:speed:=0.0"]  # as fast as this machine can
     extra += [] if node_logs else ["--disable-stdout-logs"]
     nodes = GraphRun(
         params, extra=extra, composed=composed, wall_clock=wall_clock, devices=devices
@@ -188,7 +216,7 @@ def demo(
         make_ready(robot, console)
         bag = robot.start_recording()
         begun_s, begun_ns = time.monotonic(), robot.clock.now_ns()
-        parts = [work(robot, name, 1 if quick else 2, console) for name in MODES]
+        parts = work(robot, 2 if long else 1, console)
         factor = (robot.clock.now_ns() - begun_ns) * 1e-9 / (time.monotonic() - begun_s)
         with console.step("torque off, recording closed"):
             robot.enable_plane(False)
@@ -215,15 +243,30 @@ def make_ready(robot: Robot, console: Console) -> Hand:
     return hand
 
 
-def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
+def work(robot: Robot, cycles: int, console: Console) -> list[Work]:
+    """Move the patient's hand in all modes, one after the other; return the intervals."""
+    each = (cycles + 0.25) * CYCLE_S
+    done, parts = 0.0, []
+    for name in MODES:
+        with console.progress(f"mode {name}", each * len(MODES), done) as passed:
+            parts.append(one_mode(robot, name, cycles, passed))
+        done += each
+    return parts
+
+
+def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], None]) -> Work:
     """Move the patient's hand in one mode; return the interval.
 
-    The virtual hand starts at the spring's centre and ends at rest at its highest point.
+    The virtual hand starts at the spring's centre; it ends at its highest point, where it holds
+    still.
     """
+    mode = MODES[name]
     robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=STILL, omega=STILL))
     robot.set_setpoint(0.0, 0.0, SPRING.centre)
-    robot.set_mode(MODES[name].number)
-    robot.pause(_RETURN_S + _SETTLE_S)
+    robot.set_impedance(SPRING.stiffness, mode.damping)
+    robot.pause(_RETURN_S)
+    robot.set_mode(mode.number)  # with the damper in use: OBSERVER insists on it
+    robot.pause(_SETTLE_S)
     duration = (cycles + 0.25) * CYCLE_S
     ways = centre_out(cycles * CYCLE_S, targets()[:: 2 // cycles])
     begin = robot.clock.stamp_ns()
@@ -234,9 +277,14 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
             omega=(_LEAVE, _LEAVE, OMEGA),
         )
     )
-    with console.progress(name, duration) as passed:
-        play(robot, ways, duration, passed)
-    return Part(name, begin, robot.clock.stamp_ns())
+    play(robot, ways, duration, passed)
+    moving = Part(name, begin, robot.clock.stamp_ns())
+    top = (_LEAVE, _LEAVE, SPRING.centre + AMPLITUDE)
+    robot.set_arm(arm(top, amplitude=(_LEAVE, _LEAVE, 0.0), omega=(_LEAVE, _LEAVE, 0.0)))
+    robot.pause(_STOP_S)
+    still = robot.clock.stamp_ns()
+    robot.pause(_HOLD_S)
+    return Work(moving, Part(name, still, robot.clock.stamp_ns()))
 
 
 def play(
@@ -264,7 +312,7 @@ def play(
 
 
 def evaluated(
-    bag: Path, parts: Sequence[Part], folder: Path, keep_bag: bool = True,
+    bag: Path, parts: Sequence[Work], folder: Path, keep_bag: bool = True,
     factor: float | None = None,
 ) -> Results:  # fmt: skip
     """Evaluate the bag; write figures and numbers into `folder`.
@@ -273,19 +321,23 @@ def evaluated(
     part that lacks samples, OSError if a file cannot be written.
     """
     topics = {topic: columns(bag, topic) for topic in (_ENCODER, _FORCE, _DRIVE, _ENDPOINT)}
-    traces = [trace(topics, part) for part in parts]
-    found = [offsets(one.position, one.velocity, one.force, SPRING) for one in traces]
-    paths = [path(topics, part) for part in parts]
-    whole = Part("the session", parts[0].begin_ns, parts[-1].end_ns)
+    traces = [trace(topics, part.moving) for part in parts]
+    found = [offsets(one.position, one.velocity, undamped(one), SPRING) for one in traces]
+    still = [trace(topics, part.holding) for part in parts]
+    held = [
+        float(np.abs(undamped(one) - spring_force(one.position, SPRING)).mean()) for one in still
+    ]
+    paths = [path(topics, part.whole) for part in parts]
+    whole = Part("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
     title = "Simulated patient through a spring, vertical module"
     drawn = {
-        "force_position.png": figures.force_position(traces, SPRING, title),
+        "force_position.png": with_held(figures.force_position(traces, SPRING, title), still),
         "path.png": figures.path_views(paths, np.array(targets()), "Path of the handle"),
     }
     files = [figures.save(figure, folder / name) for name, figure in drawn.items()]
     results = Results(
-        parts, traces, found, paths, timing(topics, whole), counts, bag if keep_bag else None,
+        parts, traces, found, held, paths, timing(topics, whole), counts, bag if keep_bag else None,
         files, factor,
     )  # fmt: skip
     text = yaml.safe_dump(_content(results), sort_keys=False)
@@ -311,6 +363,22 @@ def trace(topics: Topics, part: Part) -> Trace:
     if not len(at):
         raise BagError(f"{part.name}: no tick has both a height and a force in the bag")
     return Trace(part.name, encoder["position"][at], encoder["velocity"][at], force["fz"][there])
+
+
+def undamped(one: Trace) -> np.ndarray:
+    """Return the forces of a mode's trace without that of the commanded damper [N]."""
+    return one.force - MODES[one.name].damping * one.velocity
+
+
+def with_held(figure: Figure, still: Sequence[Trace]) -> Figure:
+    """Mark where the hand held still in each mode; still: traces in the order of the lines."""
+    axes = figure.axes[0]
+    for one, line in zip(still, axes.get_lines()[::2], strict=False):
+        at = float(np.median(one.position)), float(np.median(one.force))
+        axes.plot(*at, "s", markersize=9, markeredgecolor="black", color=line.get_color(), zorder=6)
+    axes.plot([], [], "s", markeredgecolor="black", color="none", label="hand holds still")
+    axes.legend(loc="upper left")
+    return figure
 
 
 def path(topics: Topics, part: Part) -> Path3D:
@@ -359,8 +427,13 @@ def _content(results: Results) -> dict[str, Any]:
         "spring": SPRING._asdict(),
         "motion_threshold": MOTION_THRESHOLD,
         "modes": [
-            {**part._asdict(), "offset": found._asdict()}
-            for part, found in zip(results.parts, results.offsets, strict=True)
+            {
+                **part.whole._asdict(), "damping": MODES[part.name].damping,
+                "offset": found._asdict(), "held": held,
+            }
+            for part, found, held in zip(
+                results.parts, results.offsets, results.held, strict=True
+            )
         ],
         "real_time_factor": results.factor,
         "timing": {**results.timing._asdict(), "in_time": results.timing.in_time},
@@ -384,17 +457,18 @@ def tables(results: Results) -> list[Table | str]:
 def _offset_table(results: Results) -> Table:
     table = Table(
         title=f"Offset from a spring of {SPRING.stiffness:g} N/m about {SPRING.centre:g} m",
-        caption="mean of |force of the patient - spring| while the handle moves faster than "
-        f"{MOTION_THRESHOLD * 1e3:g} mm/s\nThe friction model is the simulated screw's own "
-        "polynomial; make reproduce compensates screws that it does not know.",
+        caption="mean of |force of the patient - spring - damper|, moving: faster than "
+        f"{MOTION_THRESHOLD * 1e3:g} mm/s\nOnly mode 5 has a damper, of "
+        f"{MODES[OBSERVER].damping:g} Ns/m. No mode here knows the screw's friction.",
     )
-    for name in ("mode", "up", "down", "both ways", "thesis", "wanted", ""):
-        table.add_column(name, justify="right" if name in ("up", "down", "both ways") else "left")
-    for part, found in zip(results.parts, results.offsets, strict=True):
+    numbers = ("up", "down", "moving", "holding")
+    for name in ("mode", *numbers, "thesis", "wanted moving", ""):
+        table.add_column(name, justify="right" if name in numbers else "left")
+    for part, found, held in zip(results.parts, results.offsets, results.held, strict=True):
         mode = MODES[part.name]
-        verdict = _verdict(_met(part, found)) if mode.wanted else ""
         newtons = (f"{value:.1f} N" for value in (found.up, found.down, found.mean))
-        table.add_row(part.name, *newtons, mode.thesis, mode.wanted, verdict)
+        verdict = _verdict(_met(part, found))
+        table.add_row(part.name, *newtons, f"{held:.2f} N", mode.thesis, mode.wanted, verdict)
     return table
 
 
@@ -436,7 +510,7 @@ def _gaps(counts: Mapping[str, Counts]) -> list[Table | str]:
     return [f"{line}.", table]
 
 
-def _met(part: Part, found: Offsets) -> bool:
+def _met(part: Work, found: Offsets) -> bool:
     return MODES[part.name].low <= found.mean <= MODES[part.name].high
 
 

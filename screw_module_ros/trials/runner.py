@@ -85,8 +85,13 @@ class Console:
         self._rich.print(f"[green]✓[/] {text} [dim]{time.monotonic() - begun:.1f} s[/]")
 
     @contextmanager
-    def progress(self, text: str, total: float) -> Iterator[Callable[[float], None]]:
-        """Show a bar over `total` seconds; the yielded function takes the elapsed seconds."""
+    def progress(
+        self, text: str, total: float, before: float = 0.0
+    ) -> Iterator[Callable[[float], None]]:
+        """Show a step, and a bar over `total` seconds with the time left.
+
+        before: seconds of earlier steps; the yielded function takes those of this one.
+        """
         columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
         with self.step(text):
             if not self._rich.is_terminal:
@@ -94,7 +99,8 @@ class Console:
                 return
             with Progress(*columns, console=self._rich, transient=True) as bar:
                 task = bar.add_task(text, total=total)
-                yield lambda done: bar.update(task, completed=done)
+                bar.update(task, completed=before)
+                yield lambda done: bar.update(task, completed=before + done)
 
     def show(self, *what: Table | str) -> None:
         """Print tables and lines."""

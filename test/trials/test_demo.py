@@ -15,9 +15,11 @@ from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.recording.recorder import Recording
 from screw_module_ros.trials.demo import (
     FORCE_FEEDBACK,
-    FRICTION_COMPENSATION,
     IMPEDANCE,
+    MODES,
+    OBSERVER,
     Part,
+    Work,
     evaluated,
     path,
     tables,
@@ -27,15 +29,24 @@ from screw_module_ros.trials.demo import (
 
 MS = 1_000_000
 START = 1_700_000_000_000 * MS
-MODE_MS = 400
-MODES = (IMPEDANCE, FRICTION_COMPENSATION, FORCE_FEEDBACK)
+MODE_MS, MOVING_MS, STILL_MS = 600, 400, 500
+DAMPING = MODES[OBSERVER].damping
 
 
 def samples(tick: int, beyond: float):
-    """Return the four messages of one tick; the handle swings once in 200 ms."""
-    angle = 2 * math.pi * tick / 200
+    """Return the four messages of one tick; the handle swings once in 200 ms, then stands still.
+
+    While it stops the force is far off, which must not count.
+    """
+    mode, since = divmod(tick, MODE_MS)
+    angle = 2 * math.pi * since / 200
     position, velocity = 0.18 + 0.05 * math.sin(angle), 0.6 * math.cos(angle)
     force = 100.0 * (position - 0.18) + math.copysign(beyond, velocity)
+    if mode == list(MODES).index(OBSERVER):
+        force += DAMPING * velocity
+    if since >= MOVING_MS:
+        position, velocity = 0.21, 0.0
+        force = 3.0 - 0.5 * beyond if since >= STILL_MS else 90.0
     yield EncoderSample(sequence=tick, position=position, velocity=velocity, homed=True)
     yield ForceSample(sequence=tick, fz=force)
     state = EndpointState(sequence=tick, valid=[True] * 3)
@@ -68,10 +79,13 @@ def write_bag(folder, beyond, skip=()):
     return folder
 
 
-def parts():
+def parts() -> list[Work]:
     begins = [START + number * MODE_MS * MS for number in range(len(MODES))]
     return [
-        Part(name, begin, begin + MODE_MS * MS - 1)
+        Work(
+            Part(name, begin, begin + MOVING_MS * MS - 1),
+            Part(name, begin + STILL_MS * MS, begin + MODE_MS * MS - 1),
+        )
         for name, begin in zip(MODES, begins, strict=True)
     ]
 
@@ -91,7 +105,7 @@ def lines(text: str, word: str) -> str:
 def good(tmp_path_factory):
     """A run that met everything but the deadline: one tick in a hundred was lost."""
     folder = tmp_path_factory.mktemp("good")
-    bag = write_bag(folder / "session", (9.5, 4.0, 1.5), skip=range(100, 110))
+    bag = write_bag(folder / "session", (9.5, 1.5, 0.25), skip=range(100, 110))
     return folder, evaluated(bag, parts(), folder)
 
 
@@ -103,15 +117,20 @@ def test_offsets_stand_beside_the_thesis(good):
     assert "reached" in lines(text, FORCE_FEEDBACK)
 
 
-def test_a_friction_compensation_has_no_verdict(good):
-    line = lines(shown(good[1]), FRICTION_COMPENSATION)
-    assert "4.0 N" in line
-    assert "reached" not in line
+def test_the_damper_asked_for_is_no_offset(good):
+    assert good[1].offsets[2].mean == pytest.approx(0.25)
+    assert f"damper, of {DAMPING:g} Ns/m" in shown(good[1])
+
+
+def test_the_offset_of_a_hand_at_rest_has_a_column(good):
+    assert good[1].held == pytest.approx([4.75, 0.75, 0.125])
+    assert "4.75 N" in lines(shown(good[1]), IMPEDANCE)
+    assert "0.12 N" in lines(shown(good[1]), OBSERVER)
 
 
 def test_gaps_of_the_recording_are_listed_by_topic(good):
     table = shown(good[1]).partition("Topics with missing messages")[2]
-    assert lines(table, "/handle/force").split()[3:6:2] == ["1190", "10"]
+    assert lines(table, "/handle/force").split()[3:6:2] == ["1790", "10"]
     assert "/screw/encoder" not in table
 
 
@@ -127,7 +146,9 @@ def test_a_missed_deadline_is_said_plainly(good):
     assert not missed.accepted
 
 
-@pytest.mark.parametrize("beyond", [(6.0, 4.0, 1.5), (14.0, 4.0, 1.5), (9.5, 4.0, 3.5)])
+@pytest.mark.parametrize(
+    "beyond", [(6.0, 1.5, 0.2), (14.0, 1.5, 0.2), (9.5, 3.5, 0.2), (9.5, 1.5, 1.1)]
+)
 def test_an_offset_out_of_bounds_is_said_plainly(tmp_path, beyond):
     bag = write_bag(tmp_path / "session", beyond)
     results = evaluated(bag, parts(), tmp_path)
@@ -141,12 +162,13 @@ def test_figures_and_numbers_are_written(good):
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in results.files)
     told = yaml.safe_load((folder / "results.yaml").read_text())
     assert told["modes"][0]["offset"]["mean"] == pytest.approx(9.5)
+    assert told["modes"][2]["held"] == pytest.approx(0.125)
     assert told["recorded"]["/handle/force"]["lost"] == 10
 
 
 def test_the_bag_is_dropped_only_when_asked_for(good, tmp_path):
     assert good[1].bag.is_dir()
-    bag = write_bag(tmp_path / "session", (9.5, 4.0, 1.5))
+    bag = write_bag(tmp_path / "session", (9.5, 1.5, 0.2))
     results = evaluated(bag, parts(), tmp_path, keep_bag=False)
     assert not bag.exists()
     assert "Bag: deleted" in shown(results)

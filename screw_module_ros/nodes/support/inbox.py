@@ -73,7 +73,7 @@ class Inbox:
                 self._clock.member.wait(until_ns, [one.end for one in self._waking])
             return
         if self._wait_set is None:
-            self._wait_set = _new_wait_set(self._node, len(self._waking))
+            self._wait_set = new_wait_set(self._node, len(self._waking))
         wait_set = self._wait_set
         wait_set.clear_entities()
         for one in self._waking:
@@ -101,6 +101,7 @@ class Subscription:
     ):
         self._node, self._clock, self._wakes = node, clock, wakes
         self._depth = qos.depth
+        self._wait_set: Any = None
         if clock.simulated:
             # One more place: a message of this tick must not push out that of the last one.
             qos = QoSProfile(
@@ -185,33 +186,34 @@ class Subscription:
         """Take one message; wait for one that must arrive."""
         taken = self._take()
         if taken is None and (self.end.pending if early else self.end.unsettled):
-            taken = awaited(self._node, self._take, self.handle, self.end)
+            self._wait_set = self._wait_set or new_wait_set(self._node, 1)
+            taken = awaited(self._wait_set, self._take, self.handle, self.end)
         if taken is None:
             return None
         self.end.take(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
 
 
-def awaited(node: Node, take: Callable[[], Any], handle: Any, end: End) -> Any:
+def awaited(wait_set: Any, take: Callable[[], Any], handle: Any, end: End) -> Any:
     """Take a published message that is still in transit; None if it is lost.
 
     It arrives within a moment, or it is lost: then time does not wait for this end until the next
-    one has come. take: takes a message of `handle`, a subscription of `node`; end: its count.
+    one has come. wait_set: with one place; take: takes a message of `handle`, a subscription; end:
+    its count.
     """
-    _await_message(node, handle, end)
+    _await_message(wait_set, handle, end)
     taken = take()
     if taken is None:
         end.stop_following()
     return taken
 
 
-def _await_message(node: Node, handle: Any, end: End) -> None:
+def _await_message(wait_set: Any, handle: Any, end: End) -> None:
     """Wait until a message is there, or has had its time to arrive.
 
     The middleware drops what a process that ends has sent and nobody has taken yet; waiting for it
     held the time of all others.
     """
-    wait_set = _new_wait_set(node, 1)
     for _ in range(_LOST_NS // _SLICE_NS):
         is_last = end.is_orphaned  # asked before the wait, in which its last message may come
         wait_set.clear_entities()
@@ -221,7 +223,8 @@ def _await_message(node: Node, handle: Any, end: End) -> None:
             return
 
 
-def _new_wait_set(node: Node, subscriptions: int) -> Any:
+def new_wait_set(node: Node, subscriptions: int) -> Any:
+    """Return a wait set of the middleware with so many places for subscriptions of a node."""
     context = node.context
     with context.handle:
         return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)

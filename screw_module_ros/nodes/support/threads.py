@@ -52,21 +52,33 @@ class Timers:
 
     def __init__(self) -> None:
         self._all: tuple[Timer, ...] = ()
+        self._simulated: tuple[Timer, ...] = ()  # those that the hot loop asks for in each step
 
     def every(self, clock: Clock, period_s: float, call: Callable[[], None]) -> Timer:
         """Call `call` each `period_s` from now on, first after one period."""
         period_ns = round(period_s * 1e9)
         timer = Timer(clock, period_ns, call, clock.now_ns() + period_ns)
-        self._all = (*self._all, timer)
+        self._keep((*self._all, timer))
         return timer
 
     def cancel(self, unwanted: Timer) -> None:
         """End the calls of one timer; an unknown one is ignored."""
-        self._all = tuple(timer for timer in self._all if timer is not unwanted)
+        self._keep(tuple(timer for timer in self._all if timer is not unwanted))
+
+    def _keep(self, timers: tuple[Timer, ...]) -> None:
+        self._all = timers
+        self._simulated = tuple(timer for timer in timers if timer.clock.simulated)
 
     def is_due(self) -> bool:
         """Return whether the hot loop shall wake the service thread: a simulated clock cannot."""
-        return any(timer.clock.simulated for timer in self.due())
+        timers = self._simulated
+        if not timers:
+            return False
+        now_ns = timers[0].clock.now_ns()  # there is one simulated time in a process
+        for timer in timers:
+            if timer.due_ns <= now_ns:
+                return True
+        return False
 
     def left_s(self) -> float:
         """Return how long the service thread may sleep without a wake-up [s]."""
