@@ -17,6 +17,7 @@ from screw_module_ros.identification.back_drive import (
     bandwidth,
     chosen,
     gain,
+    least_anisotropy,
     mode,
     tensor,
     wedge,
@@ -118,6 +119,11 @@ def test_a_mass_at_the_tip_adds_every_way_and_evens_out(result):
     bare, laden = result.data["axes_bare"], result.data["axes_laden"]
     assert laden == pytest.approx(bare + DEFAULT.module_mass)
     assert (result.data["anisotropy_laden"] < result.data["anisotropy_bare"]).all()
+
+
+def test_no_place_in_reach_is_rounder_than_the_least(result):
+    assert 0.98 * result.value("anisotropy_least") < least_anisotropy()
+    assert least_anisotropy() <= result.value("anisotropy_least") * (1.0 + 1e-3)
 
 
 def test_anisotropy_does_not_depend_on_the_way_the_arm_points():
