@@ -27,7 +27,8 @@ from typing import Any
 PACKAGE = __name__.partition(".")[0]
 KEPT_FOLDERS = 40  # compiled generations kept on disk, the oldest are removed first
 _ROOT = Path(__file__).parent
-_OPTIONS = {"error_model": "numpy"}  # a division by zero gives inf or NaN, as in arrays
+# A division by zero gives inf or NaN, as in arrays.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
 
 @functools.cache
@@ -46,11 +47,12 @@ def compiled(function: Callable) -> Callable:
     for callee in callees - _registered:
         register_jitable(**_OPTIONS)(callee)
     _registered.update(callees)
-    twin = numba.njit(function, **_OPTIONS)
+    twin: Any = numba.njit(**_OPTIONS)(function)
     if (folder := _cache_folder(callees | {function})) is not None:
-        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # read on creation
+        config: Any = numba.config
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)  # read on creation
         twin._cache = _locked_cache(function)
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
     return twin
 
 
@@ -141,7 +143,7 @@ def _locked_cache(function: Callable) -> Any:
     from numba.core.caching import FunctionCache
 
     class LockedCache(FunctionCache):
-        def save_overload(self, sig, data):
+        def save_overload(self, sig: Any, data: Any) -> None:
             with open(Path(self.cache_path) / "lock", "w") as lock:
                 fcntl.flock(lock, fcntl.LOCK_EX)
                 super().save_overload(sig, data)

@@ -65,7 +65,9 @@ def sensor_params(sensor: Sensor, seed: int) -> SensorParams:
     draw = random.Random(f"transducer {seed}")
 
     def axes(force: float, torque: float) -> Wrench:
-        return tuple(draw.gauss(0.0, force if axis < 3 else torque) for axis in range(6))
+        spreads = force, force, force, torque, torque, torque
+        fx, fy, fz, tx, ty, tz = (draw.gauss(0.0, spread) for spread in spreads)
+        return fx, fy, fz, tx, ty, tz
 
     return SensorParams(
         sensor.force_noise,

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from screw_module_ros.identification import sampled as models
 from screw_module_ros.identification.sampled import fit_sine, response
@@ -49,14 +48,6 @@ def test_closed_form_is_the_folded_sum(name, delay):
     assert np.abs(folded(CHAINS[name], 2000.0, delay) / exact - 1.0).max() < 1e-3
 
 
-def test_no_delay_is_scipys_hold_equivalent():
-    omega = 2.0 * math.pi * 1000.0
-    numerator, denominator, dt = signal.cont2discrete(([omega], [1.0, omega]), 5e-4)
-    _, expected = signal.freqz(numerator[0], denominator, FREQUENCIES, fs=2000.0)
-    found = models.sampled_response(AMPLIFIER, FREQUENCIES, 2000.0, 0.0)
-    assert found == pytest.approx(expected, rel=1e-9)
-
-
 def test_rotor_on_the_plants_transducer():
     """The plant's step, played with 500 us holds; both sides have the equation from C.3."""
     step = rotor_step_settings(Transducer(1.96e-5, 1e4, 7.2), 5e-4)
@@ -89,12 +80,6 @@ def test_a_wire_is_a_whole_sample_late(delay):
     """Thesis 4.1.4: any delay up to a period looks like one period."""
     found = models.sampled_response(models.WIRE, FREQUENCIES, 2000.0, delay)
     assert found == pytest.approx(np.exp(-2j * np.pi * FREQUENCIES / 2000.0), rel=1e-9)
-
-
-def test_resonance_of_3600_hz_shows_at_400_hz():
-    frequencies = np.arange(10.0, 1000.0, 5.0)
-    found = np.abs(models.sampled_response(LIGHT, frequencies, 2000.0, 0.0))
-    assert frequencies[found.argmax()] == pytest.approx(405.0, abs=6.0)
 
 
 def test_drawn_as_two_holds_it_lags_half_a_period_more():
