@@ -157,6 +157,11 @@ def test_the_tests_of_the_examples_exist():
         assert re.search(rf"^def test_\w*{word}", (ROOT / file).read_text("utf-8"), re.MULTILINE)
 
 
+@pytest.mark.parametrize("document", [*DOCUMENTS, ROOT / "CHANGELOG.md"], ids=lambda d: d.name)
+def test_no_mark_of_a_merge_was_left(document):
+    assert not re.search(r"^(<{7}|={7}|>{7})", document.read_text("utf-8"), re.MULTILINE)
+
+
 def test_links_lead_somewhere():
     broken = []
     for document in [*DOCUMENTS, ROOT / "QUALITY_DECLARATION.md", ROOT / "CHANGELOG.md"]:
