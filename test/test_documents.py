@@ -210,6 +210,19 @@ def test_every_ros_package_that_is_imported_is_declared():
     assert ros | {"rmw_fastrtps_cpp"} <= declared
 
 
+def test_what_the_page_for_therapists_quotes_is_said_there():
+    """Each sentence in italics begins as one of the page, of the session or of the hand does."""
+    places = ("therapy/*.py", "nodes/*.py", "bridge/pages/static/js/*.js")
+    files = [file for each in places for file in (ROOT / "screw_module_ros").glob(each)]
+    said = "\n".join(file.read_text("utf-8") for file in files)
+    table = (ROOT / "docs/therapist.md").read_text("utf-8").partition("| the page says")[2]
+    quoted = re.findall(r"\*([^*]+)\*", table)
+    assert len(quoted) > 8
+    for sentence in quoted:
+        for part in re.sub(r" for \d+ s$", "", sentence).split(": "):
+            assert part in said, sentence
+
+
 def test_the_profile_of_the_porting_page_is_read(tmp_path):
     """Its example names a guard that it lacks and what stands in for it."""
     text = (ROOT / "docs" / "porting.md").read_text(encoding="utf-8")
