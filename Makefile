@@ -18,7 +18,7 @@ build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: 
 	    "to 3.13 (on Debian or Ubuntu, apt install python3 python3-venv python3-dev)" >&2; exit 1; }
 	@$(PYTHON) tools/build.py
 
-demo: build  ## the whole robot against the simulated rig: table, figures, a bag; ARGS="--quick" is shorter
+demo: build  ## the whole robot against the simulated rig: table, figures, a bag; ARGS="--long" is longer
 	@tools/run demo $(ARGS)
 
 therapy: build  ## session, patient's and therapist's page in the browser; ARGS="--patient weak"
@@ -30,7 +30,7 @@ faults: build  ## every fault of docs/faults.md, carried out in simulated time; 
 fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yaml --seconds 600 --seed 1"
 	@tools/run python test/fuzz/fuzz.py $(ARGS)
 
-bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop; ARGS="--bridge"
+bench: build  ## how fast it runs here: wall clock, lock step, calls of a tick, the loop; ARGS="--quick --only steps"
 	@tools/run bench $(ARGS)
 
 soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--wall-clock"

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import inspect
 import io
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import click
@@ -213,9 +214,32 @@ def measures() -> str:
     )
 
 
+def client() -> str:
+    """Return the page of the Python client."""
+    from screw_module_ros.operator.client import Client
+    from screw_module_ros.operator.robot import Robot
+
+    parts = [
+        "# Python client\n\n`from screw_module_ros.operator.robot import Robot, RobotError`; an "
+        f"example is [operate.py](../examples/operate.py).\n\n{inspect.getdoc(Client)}\n"
+    ]
+    for kind in (Robot, Client):
+        for name, method in vars(kind).items():
+            if inspect.isfunction(method) and not name.startswith("_"):
+                parts.append(f"## {name}\n\n`{name}{_call(method)}`\n\n{inspect.getdoc(method)}\n")
+    return "\n".join(parts)
+
+
+def _call(method: Callable) -> str:
+    """Return the arguments of a method as one writes them, without types."""
+    signature = inspect.signature(method)
+    names = [p.replace(annotation=p.empty) for p in signature.parameters.values()][1:]
+    return str(inspect.Signature(names))
+
+
 REFERENCE = {
     "topics": topics, "messages": messages, "parameters": parameters, "commands": commands,
-    "measures": measures,
+    "measures": measures, "client": client,
 }  # fmt: skip
 
 

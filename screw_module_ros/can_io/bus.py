@@ -16,7 +16,8 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 from ..clock import Clock
 from ..domain import domain_id
 from ..settings import Setting, validated
-from .port import BusError, Port
+from .errors import BusError
+from .port import Port
 from .rig_bus import RigBus
 from .rig_hub import RigHub
 

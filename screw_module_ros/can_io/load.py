@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from .port import DeviceError
+from .errors import DeviceError
 
 WARNING_LOAD = 0.8
 HIGHEST_LOAD = 1.0

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import can
 
 from ..clock import Clock, WallClock
+from .errors import BusError
 from .frames import ERROR, EXTENDED_ID, OWN, STANDARD_ID, Frame, frames_of
 
 Callback = Callable[[bytes, int], None]
@@ -26,14 +27,6 @@ _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
 _LOOP_IS_ALIVE_NS = 5_000_000
 _SLICE_NS = 1_000_000
 _LOCK_S = 0.001
-
-
-class DeviceError(Exception):
-    """Base of all errors of a bus and of the devices on it; its text is for the user."""
-
-
-class BusError(DeviceError):
-    """The bus cannot be opened or has failed. Example: unplugged cable, wrong channel, bus off."""
 
 
 class Port:

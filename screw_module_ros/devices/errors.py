@@ -16,8 +16,8 @@ Values that are out of range raise ValueError at construction instead.
 
 from __future__ import annotations
 
-from ..can_io.port import BusError as BusError
-from ..can_io.port import DeviceError as DeviceError
+from ..can_io.errors import BusError as BusError
+from ..can_io.errors import DeviceError as DeviceError
 
 
 class Occupied(DeviceError):

@@ -53,7 +53,8 @@ class RequestTracker:
         self._arrived = 0
         self._over = False
         if not self.listening:
-            self._open = [count + 1 for count in self._open]
+            for part in range(len(self._open)):
+                self._open[part] += 1
         return not self.listening
 
     def answer(self, part: int = 0) -> str:

@@ -15,7 +15,8 @@ from typing import Any
 import click
 
 from ..can_io.bus import BusSettings, open_port
-from ..can_io.port import BusError, Port
+from ..can_io.errors import BusError
+from ..can_io.port import Port
 from ..clock import Clock, WallClock
 from ..devices import force_sensors
 from ..devices.drive import Drive

@@ -46,6 +46,7 @@ _PAIR = struct.Struct(">ff")
 _COUNTS = struct.Struct(">II")
 _BOOT_NS = 50_000_000
 _GAUGES = 6
+_QUIET = (0.0,) * _GAUGES
 
 
 class SimulatedForceSensor(SimulatedDevice):
@@ -83,10 +84,9 @@ class SimulatedForceSensor(SimulatedDevice):
         fz += self.bias + self.drift * (now_ns - self._drift_from_ns) * 1e-9
         raw = self._calibration.gauges((fx, fy, fz, *torques))
         noise = math.hypot(self.converter_noise, self.noise)
-        if noise:
-            numbers = flicker(self._seeds, now_ns)
-            raw = [value + noise * number for value, number in zip(raw, numbers, strict=True)]
-        counts = limited([value + zero for value, zero in zip(raw, ZERO_OFFSETS, strict=True)])
+        numbers = flicker(self._seeds, now_ns) if noise else _QUIET
+        shown = zip(raw, numbers, ZERO_OFFSETS, strict=True)
+        counts = limited([value + noise * number + zero for value, number, zero in shown])
         if self.saturated is not None:
             counts[self.saturated] = LARGEST_COUNT
         return counts

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
 
-The graph against the simulated rig, its vertical axis as separate processes and as `module`, at 1
-and 2 kHz, on request with `web_bridge` and a page besides; and the in-process loop: simulated over
-real time (wanted: 200 on one core).
+The graph against the simulated rig by wall clock, its vertical axis as separate processes and as
+`module`, at 1 and 2 kHz, on request with `web_bridge` and a page besides; the same in lock step,
+with and without the recorder; the Python calls of a tick, by room, of the whole robot in one
+thread; and the in-process loop: simulated over real time. docs/performance.md has the figures.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import math
 import os
 import platform
 import socket
+import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime, timezone
 from pathlib import Path
 from statistics import median
@@ -40,10 +43,13 @@ from screw_module_ros.identification.lab import worker_pool
 from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.plant.settings import load_world
+from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.safety.timing import histogram_of, quantile
 
 from ..operator.bring_up import DRIVES, bring_up
 from ..operator.robot import Robot, RobotError, arm
+from .demo import make_ready
+from .one_thread import PERIOD_NS, Bench
 from .patient import Hand
 from .runner import (
     Console,
@@ -52,21 +58,31 @@ from .runner import (
     OutputFile,
     command,
     own_place,
+    recordings_in,
     running,
 )
 from .therapy import BRIDGE, bridge_words, token_file
 
-SEPARATE, COMPOSED, LOOP = "separate", "composed", "loop"
+SEPARATE, COMPOSED, LOOP, STEPS, CALLS = "separate", "composed", "loop", "steps", "calls"
 TIMING = ("p50", "p99", "p99.9", "late", "lost")
 PARTS = ("answer p50", "answer p99", "own p50", "own p99")
 PAGE = "page"
 UNITS = {"late": "%", "lost": "%", PAGE: "1/s"}  # microseconds otherwise
 WANTED: dict[tuple[str, int], dict[str, float]] = {
+    (SEPARATE, 1000): {"late": 0.5, "lost": 0.5},
+    (COMPOSED, 1000): {"p99": 400.0, "late": 0.05, "lost": 0.05},
     (SEPARATE, 2000): {"p50": 200.0, "p99": 325.0, "late": 0.5, "lost": 0.1},
     (COMPOSED, 2000): {"p99": 60.0},
 }
 """Of (processes, rate [Hz]) on two cores; latencies [us], shares [%]."""
-WANTED_FACTOR = 200.0
+WANTED_FACTOR = {1: 500.0, 2: 1000.0}
+"""Simulated over real time of the in-process loop, by cores."""
+WANTED_STEPS = {
+    (SEPARATE, False): (math.nan, 1.6), (SEPARATE, True): (1.0, math.nan),
+    (COMPOSED, True): (2.0, math.nan),
+}  # fmt: skip
+"""Least real-time factor and most processor time a tick [ms] of (processes, recorder)."""
+WANTED_CALLS = 900.0
 LEGEND = (
     "answer: SYNC to reception of the encoder's answer (bus and device). own: from there "
     "(composed), or from reception of the command (separate), to the drive write."
@@ -83,6 +99,8 @@ LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
 _SETTLE_S = 2.0
 _ENTRY_S = 10.0  # the longest wait for diagnostics
 _HEIGHT, _SPRING = 0.27, 400.0
+_RECORDER = topics.TOPICS[topics.RECORDER_STATUS].publisher
+_STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
 _HEARD_S, _LOOK_S, _END_S = 20.0, 0.2, 5.0
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 _SUM = "all"
@@ -145,6 +163,27 @@ class Spread(NamedTuple):
     high: float
 
 
+class StepCase(NamedTuple):
+    """What is measured in lock step: how the processes are cut, with or without the recorder."""
+
+    processes: str
+    recorder: bool
+
+    @property
+    def title(self) -> str:
+        """The case in words."""
+        return f"{self.processes}, recorder" if self.recorder else self.processes
+
+
+class StepRun(NamedTuple):
+    """One run in lock step, as fast as it goes: simulated over real time; by executable the
+    processor time [ms] and the voluntary context switches of a tick of 1 ms."""
+
+    factor: float
+    processor: dict[str, float]
+    switches: dict[str, float]
+
+
 class Speed(NamedTuple):
     """Simulated over real time of each run, ascending; cores: number of parallel processes."""
 
@@ -159,6 +198,7 @@ class Speed(NamedTuple):
 
 
 Measured = Mapping[Case, Sequence[Run]]
+Stepped = Mapping[StepCase, Sequence[StepRun]]
 
 
 @command("bench")
@@ -166,7 +206,7 @@ Measured = Mapping[Case, Sequence[Run]]
 @click.option("--seconds", default=15.0, type=FiniteRange(2.0, 3600.0), help="Of a run.")
 @click.option("--quick", is_flag=True, help="One run of 5 s each.")
 @click.option(
-    "--only", multiple=True, type=click.Choice([SEPARATE, COMPOSED, LOOP]),
+    "--only", multiple=True, type=click.Choice([SEPARATE, COMPOSED, STEPS, CALLS, LOOP]),
     help="Measure only this (repeat for more).",
 )
 @click.option(
@@ -187,34 +227,56 @@ def bench(
     """Measure and say."""
     if quick:
         runs, seconds = 1, 5.0
-    wanted = only or (SEPARATE, COMPOSED, LOOP)
+    wanted = only or (SEPARATE, COMPOSED, STEPS, CALLS, LOOP)
+    steps = [StepCase(cut, recorder) for cut in (SEPARATE, COMPOSED) if STEPS in wanted
+             for recorder in (False, True)]  # fmt: skip
     cases = [
         Case(cut, rate, page)
         for cut in (SEPARATE, COMPOSED) if cut in wanted
         for rate in rates for page in ((False, True) if bridge else (False,))
     ]  # fmt: skip
     measured: dict[Case, list[Run]] = {}
+    stepped: dict[StepCase, list[StepRun]] = {}
+    calls: dict[str, float] = {}
     loop: list[Speed] = []
+
+    def save() -> None:
+        write(content_of(measured, seconds, loop, stepped, calls), file)
+
     try:
+        if CALLS in wanted:
+            with console.step("Python calls of a tick"):
+                calls = calls_by_room()
         # In turn, so that a change of the load affects all cases; saved after each run.
         with _one_domain():
             for number in range(1, runs + 1):
+                which = f"run {number} of {runs}"
                 for case in cases:
-                    _add_run(measured, case, seconds, f"run {number} of {runs}", console)
-                    write(measured, seconds, loop, file)
+                    with _survived(f"{case.title} at {case.rate} Hz, {which}", console):
+                        run = measure(case, seconds)
+                        measured.setdefault(case, []).append(run)
+                    save()
+                for step in steps:
+                    with _survived(f"{step.title} in lock step, {which}", console):
+                        one = measure_steps(step, seconds)
+                        stepped.setdefault(step, []).append(one)
+                    save()
         if LOOP in wanted:
             cores = len(os.sched_getaffinity(0))
             with console.step(f"in-process loop, {runs} runs"), worker_pool(cores) as pool:
                 loop = speeds(runs, pool, cores)
     finally:  # an interruption loses no finished run
         if measured:
-            console.show(timing_table(measured), LEGEND)
-            if pages := page_table(measured):
-                console.show(pages)
+            pages = page_table(measured)
+            console.show(timing_table(measured), LEGEND, *([pages] if pages else []))
             console.show(processor_table(measured))
+        if stepped:
+            console.show(*step_tables(stepped))
+        if calls:
+            console.show(calls_table(calls))
         if loop:
             console.show(loop_table(loop))
-        write(measured, seconds, loop, file)
+        save()
         console.show(f"As JSON: {file}")
     return True
 
@@ -231,14 +293,12 @@ def _one_domain() -> Iterator[None]:
             place.release()
 
 
-def _add_run(
-    measured: dict[Case, list[Run]], case: Case, seconds: float, which: str, console: Console
-) -> None:
-    """Measure once; if a node of the graph ended, show a message instead."""
+@contextmanager
+def _survived(what: str, console: Console) -> Iterator[None]:
+    """Show a step; if a node of the graph ended in it, show a message and go on."""
     try:
-        with console.step(f"{case.title} at {case.rate} Hz, {which}"):
-            run = measure(case, seconds)
-        measured.setdefault(case, []).append(run)
+        with console.step(what):
+            yield
     except (RobotError, ValueError) as error:
         console.fail(f"no figures of this run: {error}")
 
@@ -337,6 +397,95 @@ def processor_time(pid: int) -> float:
     with open(f"/proc/{pid}/stat") as file:
         fields = file.read().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND
+
+
+def switches(pid: int) -> int:
+    """Return the voluntary context switches of a process's threads so far, from /proc."""
+    total = 0
+    for status in Path(f"/proc/{pid}/task").glob("*/status"):
+        with suppress(OSError):  # a thread that has ended meanwhile
+            text = status.read_text("ascii")
+            total += int(text.partition("\nvoluntary_ctxt_switches:")[2].split(None, 1)[0])
+    return total
+
+
+def measure_steps(case: StepCase, seconds: float) -> StepRun:
+    """Start the whole graph in lock step, move the hand for `seconds` of simulated time, stop it.
+
+    Raises RobotError if the graph does not start or a node ends, Interrupted after Ctrl-C.
+    """
+    quiet = Console(quiet=True)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="screw_module_bench-"))
+        extra = [*recordings_in(Path(folder)), "-p", "sim_rig:speed:=0.0"]
+        nodes = GraphRun(
+            extra=[*extra, "--disable-stdout-logs"],
+            composed=case.processes == COMPOSED,
+            without=() if case.recorder else (_RECORDER,),
+        )
+        robot, run = stack.enter_context(running("bench", quiet, nodes))
+        make_ready(robot, quiet)
+        robot.set_arm(arm(amplitude=_STROKE.amplitude, omega=_STROKE.omega))
+        if case.recorder:
+            robot.start_recording()
+        robot.pause(1.0)
+        begin, begin_ns, begun_s = _used(run.pids), robot.clock.now_ns(), time.monotonic()
+        robot.pause(seconds)
+        simulated_s = (robot.clock.now_ns() - begin_ns) * 1e-9
+        factor = simulated_s / (time.monotonic() - begun_s)
+        end = _used(run.pids)
+        if case.recorder:
+            robot.stop_recording()
+    each = {name: [(after - before) / (simulated_s * 1e3) for before, after in
+                   zip(begin[name], end[name], strict=True)] for name in begin}  # fmt: skip
+    return StepRun(
+        factor,
+        {name: 1e3 * spent for name, (spent, _) in each.items()},
+        {name: count for name, (_, count) in each.items()},
+    )
+
+
+def _used(pids: Mapping[str, int]) -> dict[str, tuple[float, int]]:
+    return {name: (processor_time(pid), switches(pid)) for name, pid in pids.items()}
+
+
+# The whole robot in one thread --------------------------------------------------------------------
+
+
+def calls_by_room(ticks: int = 1000) -> dict[str, float]:
+    """Return the Python calls of a tick by room, of the whole robot enabled in one thread.
+
+    Counted in simulated time, so the same at each run of one version of Python. `trials` is the
+    harness, with its buses; what is not of this package stands under the name of its file.
+    """
+    bench = Bench(seed=3)
+    try:
+        bench.ready()
+        bench.controller.mode = modes.COMBINED
+        for refused in (bench.enable(), bench.enable_plane()):
+            if refused:
+                raise RobotError(refused)
+        bench.setpoint, bench.planar_setpoint = (_HEIGHT, 0.0), (0.06, -0.05, 0.02, 0.0)
+        bench.world.set_arm(_STROKE)
+        bench.ticks(500)
+        files: Counter[str] = Counter()
+
+        def note(frame: Any, event: str, _argument: Any) -> None:
+            if event == "call":
+                files[frame.f_code.co_filename] += 1
+
+        sys.setprofile(note)
+        try:
+            bench.ticks(ticks)
+        finally:
+            sys.setprofile(None)
+    finally:
+        bench.close()
+    rooms: Counter[str] = Counter()
+    for file, count in files.items():
+        within = file.rpartition("/screw_module_ros/")[2]
+        rooms[within.partition("/")[0] if within != file else Path(file).name] += count
+    return {room: count / ticks for room, count in rooms.most_common()}
 
 
 class PageReader:
@@ -535,27 +684,84 @@ def processor_table(measured: Measured) -> Table:
     return table
 
 
-def loop_table(found: list[Speed]) -> Table:
-    """Return the table of the in-process loop."""
-    table = _table("In-process loop, 2 kHz samples, substeps of 50 us", ("trial",), "trial",
-                   "cores", "x real time", "range", f"wanted {WANTED_FACTOR:g} on one core",
-                   )  # fmt: skip
-    for speed in found:
-        low, high = speed.factors[0], speed.factors[-1]
-        note = "" if speed.cores > 1 else "yes" if speed.median >= WANTED_FACTOR else "MISSED"
-        table.add_row(
-            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}", note
+def step_tables(stepped: Stepped) -> list[Table]:
+    """Return the tables of the runs in lock step: factor, processor time and switches."""
+    title = "Lock step, as fast as it goes, median (range)"
+    factors = _table(title, ("processes",), "processes", "x real time", "wanted", "",
+                     "processor, ms a tick", "wanted", "")  # fmt: skip
+    for case, runs in stepped.items():
+        least, most = WANTED_STEPS.get(
+            (case.processes, case.recorder), (math.nan, math.nan)
         )
+        factor = spreads([{_SUM: run.factor} for run in runs])[_SUM]
+        whole = spreads([_with_sum(run.processor) for run in runs])[_SUM]
+        factors.add_row(
+            case.title,
+            _spread_text(factor, "%"), _limit(least), _met(factor.median >= least, least),
+            _spread_text(whole, "%"), _limit(most), _met(whole.median <= most, most),
+        )  # fmt: skip
+    shares = _table(
+        "A tick of 1 ms by process: processor time in ms, voluntary context switches; medians",
+        ("process",), "process", *(case.title for case in stepped),
+    )  # fmt: skip
+    spent = {case: spreads([_with_sum(run.processor) for run in runs])
+             for case, runs in stepped.items()}  # fmt: skip
+    slept = {case: spreads([_with_sum(run.switches) for run in runs])
+             for case, runs in stepped.items()}  # fmt: skip
+    names = dict.fromkeys(name for found in spent.values() for name in found if name != _SUM)
+    for name in (*names, _SUM):
+        shares.add_row(name, *(
+            f"{spent[case][name].median:.2f}, {slept[case][name].median:.1f}"
+            if name in spent[case] else "" for case in stepped
+        ))  # fmt: skip
+    return [factors, shares]
+
+
+def calls_table(calls: Mapping[str, float]) -> Table:
+    """Return the table of Python calls."""
+    total = sum(calls.values())
+    title = f"Python calls of a tick of {PERIOD_NS * 1e-6:g} ms, the whole robot in one thread"
+    table = _table(title, ("room",), "room", "calls", "wanted", "")
+    for room, count in calls.items():
+        table.add_row(room, f"{count:.1f}")
+    table.add_row(_SUM, f"{total:.1f}", f"{WANTED_CALLS:g}", _met(total <= WANTED_CALLS, total))
     return table
 
 
-def write(measured: Measured, seconds: float, loop: list[Speed], file: Path) -> None:
+def _limit(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:g}"
+
+
+def _met(met: bool, wanted: float) -> str:
+    return "" if math.isnan(wanted) else "yes" if met else "MISSED"
+
+
+def loop_table(found: list[Speed]) -> Table:
+    """Return the table of the in-process loop."""
+    table = _table("In-process loop, 2 kHz samples, substeps of 50 us", ("trial",), "trial",
+                   "cores", "x real time", "range", "wanted", "")  # fmt: skip
+    for speed in found:
+        low, high = speed.factors[0], speed.factors[-1]
+        wanted = WANTED_FACTOR.get(speed.cores, math.nan)
+        table.add_row(
+            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}",
+            _limit(wanted), _met(speed.median >= wanted, wanted),
+        )  # fmt: skip
+    return table
+
+
+def write(content: Mapping[str, Any], file: Path) -> None:
     """Write what was measured so far."""
-    text = json.dumps(content_of(measured, seconds, loop), indent=2)
-    file.write_text(text + "\n", encoding="utf-8")
+    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def content_of(measured: Measured, seconds: float, loop: list[Speed]) -> dict[str, Any]:
+def content_of(
+    measured: Measured,
+    seconds: float,
+    loop: list[Speed],
+    stepped: Stepped | None = None,
+    calls: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
     """Return the content of the JSON file; an infinite latency becomes null."""
     return {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -578,6 +784,11 @@ def content_of(measured: Measured, seconds: float, loop: list[Speed]) -> dict[st
             }
             for case, runs in measured.items()
         ],
+        "lock_step": [
+            {**case._asdict(), "runs": [run._asdict() for run in runs]}
+            for case, runs in (stepped or {}).items()
+        ],
+        "calls_by_room": dict(calls or {}),
         "in_process_loop": [{**speed._asdict(), "median": speed.median} for speed in loop],
     }
 

@@ -151,7 +151,7 @@ class SimulatedPlayer:
         if goal is None:
             return
         seen, point = goal
-        if seen != self._seen and all(map(math.isfinite, point)):
+        if seen != self._seen and any(map(math.isfinite, point)):  # NaN: the axis goes on
             self._seen = seen
             self._robot.send_arm(arm(point, self._person.duration, STILL, STILL))
 
@@ -187,8 +187,13 @@ class SimulatedPlayer:
             clamp(asked, *reach) for asked, reach in zip(wish, WishLimits().ranges(), strict=True)
         )
         self._wished_ns = self._robot.clock.now_ns()
-        if self._wish is None or math.dist((x, y, z), self._wish) > _FAR_M:
+        if self._wish is None or math.dist(_named((x, y, z)), _named(self._wish)) > _FAR_M:
             self._wish = x, y, z
+
+
+def _named(wish: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a wish with 0 for the axes that it leaves alone."""
+    return tuple(axis if math.isfinite(axis) else 0.0 for axis in wish)
 
 
 def _on_circle(state: TherapyState, step: int) -> tuple[float, float, float]:

@@ -26,11 +26,16 @@ from screw_module_ros.trials.bench import (
     SEPARATE,
     SUBSCRIBED,
     WANTED,
+    WANTED_CALLS,
     Case,
     Counts,
     PageReader,
     Run,
     Speed,
+    StepCase,
+    StepRun,
+    calls_by_room,
+    calls_table,
     content_of,
     figures,
     loop_table,
@@ -39,6 +44,8 @@ from screw_module_ros.trials.bench import (
     processor_table,
     processor_time,
     spreads,
+    step_tables,
+    switches,
     timing_table,
     verdict,
 )
@@ -144,9 +151,41 @@ def test_the_page_is_judged_by_the_spread_of_the_runs_without():
     assert [case["page"] for case in read["graph"]] == [False, True]
 
 
-def test_the_loop_is_judged_on_one_core():
-    told = shown(loop_table([Speed("x", 1, (150.0, 190.0, 250.0)), Speed("x", 2, (1.0,))]))
+def test_the_loop_is_judged_by_its_cores():
+    found = [Speed("x", 1, (450.0, 490.0, 650.0)), Speed("x", 2, (1000.0,)), Speed("x", 3, (1.0,))]
+    told = shown(loop_table(found))
     assert told.count("MISSED") == 1
+    assert told.count("yes") == 1
+
+
+def test_lock_step_is_judged_by_case():
+    bare = StepRun(0.9, {"sim_rig": 0.5, "module": 1.0}, {"sim_rig": 3.0, "module": 4.0})
+    slow = StepRun(1.9, {"sim_rig": 0.5, "module": 2.0}, {"sim_rig": 3.0, "module": 4.5})
+    measured = {StepCase(SEPARATE, False): [bare, bare], StepCase(COMPOSED, True): [slow]}
+    factors, processes = (shown(table) for table in step_tables(measured))
+    apart, composed = (next(row for row in factors.splitlines() if word in row) for word in
+                       ("separate ", "composed, recorder"))  # fmt: skip
+    assert "1.50" in apart and "yes" in apart and "MISSED" not in apart
+    assert "1.90" in composed and "MISSED" in composed
+    total = next(row for row in processes.splitlines() if "all" in row)
+    assert "1.50, 7.0" in total and "2.50, 7.5" in total
+    read = content_of({}, 5.0, [], measured)
+    assert [case["recorder"] for case in read["lock_step"]] == [False, True]
+
+
+def test_a_tick_keeps_to_its_budget_of_calls_and_each_count_is_the_same():
+    counts = [calls_by_room(50) for _ in range(2)]
+    assert counts[0] == counts[1]
+    assert {"rig", "devices", "control", "safety", "loop", "plant"} <= counts[0].keys()
+    assert sum(counts[0].values()) <= WANTED_CALLS
+    assert "yes" in shown(calls_table(counts[0]))
+    assert "MISSED" in shown(calls_table({"rig": WANTED_CALLS, "loop": 1.0}))
+
+
+def test_sleeping_is_a_voluntary_switch():
+    before = switches(os.getpid())
+    WallClock().sleep(0.001)  # gives its core away
+    assert switches(os.getpid()) > before
 
 
 def test_json_holds_every_run_and_no_infinity():

@@ -8,17 +8,13 @@ come from the newest state message: the loop owns the meter.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
 
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.loop.controller import VerticalController
-from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.plane import Plane
-from screw_module_ros.safety.permit import Permit
 from screw_module_ros.safety.timing import (
     BIN_NS,
     LEAST_SUCCESS,
@@ -29,6 +25,12 @@ from screw_module_ros.safety.timing import (
 from screw_module_ros.samples import ForceReading
 
 from .inbox import fill_stamp
+
+if TYPE_CHECKING:  # not every node has drives: without one, no bus is imported
+    from screw_module_ros.loop.controller import VerticalController
+    from screw_module_ros.loop.drive import VerticalDrive
+    from screw_module_ros.loop.plane import Plane
+    from screw_module_ros.safety.permit import Permit
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _UNKNOWN = [math.nan, math.nan]
