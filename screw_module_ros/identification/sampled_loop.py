@@ -4,10 +4,10 @@
 The law is the one that the robot executes: `linear_law` settles `control.vertical` about a pressed
 handle and takes differences of its step. The module is two masses in permanent contact, without
 play and friction, the screw in its mount (appendix A) if that is not rigid. The environment, an arm
-or a wall, is a mass, a spring and a damper at the handle. Amplifier pole and transducer filter are
-continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius is below
-one. Friction stabilises and play destabilises the real loop, so the result is neither a lower nor
-an upper bound of the real gain, but the limit of the linear loop.
+or a wall, is a mass, a spring and a damper at the handle (`Arm`). Amplifier pole and transducer
+filter are continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius
+is below one. Friction stabilises and play destabilises the real loop, so the result is neither a
+lower nor an upper bound of the real gain, but the limit of the linear loop.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ..control.modes import uses_observer
 from ..control.vertical import VerticalInput, initial_state, vertical_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
+from .trials import Arm
 
 MOST = 100.0
 """Largest gain of a search."""
@@ -54,14 +55,6 @@ class Mechanism(NamedTuple):
     mount_mass: float = 3.25
     amplifier: float = 1000.0
     transducer: float = 1000.0
-
-
-class Environment(NamedTuple):
-    """Load on the handle: mass [kg], stiffness [N/m], damping [Ns/m]."""
-
-    mass: float = 3.0
-    stiffness: float = 300.0
-    damping: float = 5.0
 
 
 class Sampling(NamedTuple):
@@ -219,7 +212,7 @@ def radius(plant: Linear, sampling: Sampling, law: Law) -> float:
     return float(np.abs(np.linalg.eigvals(closed)).max())
 
 
-def sampled(mechanism: Mechanism, environment: Environment, sampling: Sampling) -> Linear:
+def sampled(mechanism: Mechanism, environment: Arm, sampling: Sampling) -> Linear:
     """Return (A, B before, B after, C) over one period; outputs: nut's height [m], force [N].
 
     A command arrives a part of a period (the delay modulo the period) after a sample; B before and
@@ -236,7 +229,7 @@ def sampled(mechanism: Mechanism, environment: Environment, sampling: Sampling) 
     return second @ first, second @ first_input, second_input, outputs
 
 
-def _continuous(m: Mechanism, e: Environment) -> tuple[np.ndarray, np.ndarray]:
+def _continuous(m: Mechanism, e: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Return dynamics and input [per N of command] of nut, mount, handle, amplifier and filter.
 
     The encoder turns with the screw: it does not see the deflection of the mount.
@@ -280,7 +273,7 @@ def _held(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.nda
 
 
 def largest_gain(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Law, most: float = MOST
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: Law, most: float = MOST
 ) -> float:
     """Return the largest gain with a stable loop, 0 without any; its relative error is 1 %.
 

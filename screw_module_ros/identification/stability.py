@@ -27,7 +27,6 @@ from .lab import Lab, MissingResult
 from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .sampled_loop import (
     MOST,
-    Environment,
     Law,
     Mechanism,
     Sampling,
@@ -38,10 +37,10 @@ from .trials import TRUTH, Arm, MotionTrial
 
 NAME = "stability"
 ENVIRONMENTS = {
-    "hand": ("a hand of 3 kg, 300 N/m, 5 Ns/m", Environment()),
-    "heavy_arm": ("an arm of 30 kg, 300 N/m, 30 Ns/m", Environment(30.0, 300.0, 30.0)),
-    "wall": ("a wall of 1e5 N/m, half of critical damping", Environment(0.0, 1e5, 740.0)),
-    "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Environment(1.0, 1e5, 30.0)),
+    "hand": ("a hand of 3 kg, 300 N/m, 5 Ns/m", Arm()),
+    "heavy_arm": ("an arm of 30 kg, 300 N/m, 30 Ns/m", Arm(30.0, 300.0, 30.0)),
+    "wall": ("a wall of 1e5 N/m, half of critical damping", Arm(0.0, 1e5, 740.0)),
+    "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Arm(1.0, 1e5, 30.0)),
 }
 CURVES = {
     "feedback": "force feedback",
@@ -147,7 +146,7 @@ def _predicted(name: str, gain: float, where: str) -> Quantity:
 
 
 def limits(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Law
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: Law
 ) -> dict[str, float]:
     """Return the largest gain without each limit over the largest gain with it, by name.
 
@@ -176,7 +175,7 @@ def limits(
 
 
 def weakest(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, laws: Sequence[Law]
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, laws: Sequence[Law]
 ) -> tuple[float, Law]:
     """Return the smallest of the largest stable gains of some laws, and the law that has it."""
     gains = [largest_gain(mechanism, environment, sampling, law) for law in laws]
@@ -185,7 +184,7 @@ def weakest(
 
 
 def hand_formula(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, cutoff: float
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, cutoff: float
 ) -> float:
     """Return the largest gain by the hand formula, from the phase of 180 degrees at wp.
 
@@ -215,7 +214,7 @@ def hand_formula(
 
 
 def _by_hand(
-    name: str, text: str, mechanism: Mechanism, environment: Environment, sampling: Sampling,
+    name: str, text: str, mechanism: Mechanism, environment: Arm, sampling: Sampling,
     cutoff: float,
 ) -> list[Quantity]:  # fmt: skip
     """Return the formula's gain, nothing if the formula does not apply."""
@@ -284,7 +283,7 @@ def _costs_text(costs: dict[str, float]) -> str:
 
 
 def _onset(
-    lab: Lab, name: str, environment: Environment, predicted: float, cutoff: float
+    lab: Lab, name: str, environment: Arm, predicted: float, cutoff: float
 ) -> tuple[float, float]:
     """Return the largest tested gain without chatter and the smallest with it, inf for none."""
     gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
@@ -292,7 +291,7 @@ def _onset(
         f"{name}_{gain:.3g}": MotionTrial(
             modes.FORCE_FEEDBACK,
             VerticalSettings(force_gain=gain, force_cutoff=cutoff, chatter_limit=_MOST),
-            arm=Arm(*environment), amplitude=0.05, duration=8.0, preloaded=True,
+            arm=environment, amplitude=0.05, duration=8.0, preloaded=True,
         )
         for gain in gains
     }  # fmt: skip
@@ -316,7 +315,7 @@ def _curves(
     """
     delays = np.linspace(0.1e-3, 4e-3, 14)
     masses = np.geomspace(0.3, 50.0, 14)
-    hand = Environment()
+    hand = Arm()
     found = {"delays": delays, "masses": masses}
     for name, law in laws.items():
         found[f"delay_{name}"] = np.array(

@@ -24,7 +24,6 @@ from screw_module_ros.identification import certificate, stability
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.sampled_loop import (
-    Environment,
     Mechanism,
     Sampling,
     largest_gain,
@@ -32,11 +31,11 @@ from screw_module_ros.identification.sampled_loop import (
     radius,
     sampled,
 )
-from screw_module_ros.identification.trials import MOTION, RELEASE, WAYS_OUT
+from screw_module_ros.identification.trials import MOTION, RELEASE, WAYS_OUT, Arm
 
 pytestmark = pytest.mark.long
 
-HAND, HEAVY = Environment(), Environment(30.0, 300.0, 30.0)
+HAND, HEAVY = Arm(), Arm(30.0, 300.0, 30.0)
 USUAL = VerticalSettings()
 FEEDBACK_LAW, MOVING, RESTING = stability.laws_of(USUAL, 30.0)
 BARE = Mechanism(film_damping=0.0)
@@ -139,7 +138,7 @@ def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff():
     stiff = Mechanism(contact_stiffness=1e9, contact_damping=3e4, transducer=1e5)
     firm = FEEDBACK_LAW._replace(settings=USUAL._replace(stiffness=20.0))
     for mass in (3.0, 10.0, 30.0):
-        arm = Environment(mass, 0.0, 20.0)
+        arm = Arm(mass, 0.0, 20.0)
         for sampling in (Sampling(1000.0, 1.26e-3), Sampling(2000.0, 0.385e-3)):
             exact = largest_gain(stiff, arm, sampling, firm)
             by_hand = stability.hand_formula(stiff, arm, sampling, 30.0)
@@ -149,8 +148,8 @@ def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff():
 def test_hand_formula_says_when_it_does_not_hold():
     soft = Mechanism(contact_stiffness=1e5)
     assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
-    assert math.isnan(stability.hand_formula(Mechanism(), Environment(0.0), Sampling(), 30.0))
-    light_wall = Environment(1.0, 1e5, 30.0)
+    assert math.isnan(stability.hand_formula(Mechanism(), Arm(0.0), Sampling(), 30.0))
+    light_wall = Arm(1.0, 1e5, 30.0)
     assert largest_gain(Mechanism(), light_wall, Sampling(), FEEDBACK_LAW) < 1.0
     assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
 
@@ -178,7 +177,7 @@ def test_damper_at_rest_costs_hardly_any_gain(rest_damping):
 
 def test_what_limits_is_what_helps_most_when_taken_away():
     slow = Sampling(1000.0, 6e-3)
-    costs = stability.limits(Mechanism(), Environment(1.0, 300.0, 5.0), slow, FEEDBACK_LAW)
+    costs = stability.limits(Mechanism(), Arm(1.0, 300.0, 5.0), slow, FEEDBACK_LAW)
     assert costs["the delay"] > 1.3
     assert costs["the contact"] == pytest.approx(1.0, abs=0.2)
 
@@ -205,7 +204,7 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
 
 
 def test_a_loop_that_no_gain_makes_unstable_is_said(tmp_path, monkeypatch):
-    free = {"free": ("a free handle", Environment(0.0, 0.0, 1.0))}
+    free = {"free": ("a free handle", Arm(0.0, 0.0, 1.0))}
     monkeypatch.setattr(stability, "ENVIRONMENTS", free)
     result = stability.run(Lab(Nothing(), tmp_path), RIGID)
     assert math.isinf(result.value("feedback_free"))
