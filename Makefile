@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo therapy faults fuzz bench soak reproduce test test-all lint shell clean
+.PHONY: help build demo therapy faults fuzz bench soak reproduce study test test-all lint docs shell
+.PHONY: clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -38,18 +39,24 @@ soak: build  ## ten minutes of work, recorded: does anything grow or get lost? A
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)
 
+study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --first-seed 1000 --mode 5"
+	@tools/run study $(ARGS)
+
 test: build  ## the tests without those marked long; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
 
-lint: build  ## style, docstrings, types, the import rule, the clock rule, no room heavier than before
+lint: build  ## style, docstrings, clocks, types, which room imports which, weight of rooms, links of pages
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) -m mypy
-	@$(VENV_PYTHON) tools/import_rule.py
-	@$(VENV_PYTHON) tools/clock_rule.py
+	@.venv/bin/lint-imports --cache-dir build/imports
 	@$(VENV_PYTHON) tools/ratchet.py
+	@$(VENV_PYTHON) tools/docs_site.py
+
+docs: build  ## the pages as a site, with a reference made from the code: build/site/html
+	@$(VENV_PYTHON) tools/docs_site.py
 
 shell: build  ## a shell in which the nodes can be started by name
 	@tools/run $${SHELL:-sh}

@@ -6,42 +6,27 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = "screw_module_ros"
-NODES = (
-    "encoder",
-    "force_sensor",
-    "impedance_controller",
-    "amplifier",
-    "module",
-    "manus",
-    "endpoint_state",
-    "supervisor",
-    "session_recorder",
-    "therapy_session",
-    "web_bridge",
-    "sim_rig",
-    "bringup",
-    "robot_description",
-)
-EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
-EXECUTABLES.append(f"characterize = {NAME}.identification.live.characterize:main")
-EXECUTABLES += [
-    f"{name} = {NAME}.trials.{name}:{name}" for name in ("demo", "therapy", "soak", "bench")
-]
-EXECUTABLES.append(f"check_hardware = {NAME}.hardware.command:main")
-EXECUTABLES.append(f"session = {NAME}.session_command:main")
-EXECUTABLES.append(f"reproduce = {NAME}.identification.reproduce:main")
+PROGRAMS = (  # what they are: screw_module_ros/programs.py
+    "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
+    "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
+    "bringup", "robot_description", "characterize", "demo", "therapy", "soak", "bench",
+    "check_hardware", "session", "reproduce", "study",
+)  # fmt: skip
+EXECUTABLES = [f"{program} = {NAME}.programs:{program}" for program in PROGRAMS]
 
 setup(
     name=NAME,
     version="0.1.0",
     description="A three-axis upper-limb therapy robot: MIT-MANUS and a vertical screw module.",
     license="Apache-2.0",
+    author="screw_module_ros maintainers",
     maintainer="screw_module_ros maintainers",
-    maintainer_email="screw_module_ros@users.noreply.github.com",
+    maintainer_email="unpublished@screw-module-ros.invalid",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
-               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja"]
+               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja",
+               "identification/*.jinja"]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -4,7 +4,8 @@
 import os
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -59,21 +60,35 @@ def nodes(context):
     before = dict(os.environ)
     told += [reach] if (reach := open_to_network() if network else keep_to_this_machine()) else []
     changed = {name: text for name, text in os.environ.items() if before.get(name) != text}
+    started = [
+        Node(
+            package=PACKAGE,
+            executable=entry.executable,
+            namespace=planned.namespace,
+            ros_arguments=planned.arguments(entry),
+            additional_env=changed,
+            output="screen",
+        )
+        for entry in planned.entries
+    ]
     return [
         *(LogInfo(msg=f"warning: {sentence}") for sentence in told),
-        *(
-            Node(
-                package=PACKAGE,
-                executable=entry.executable,
-                namespace=planned.namespace,
-                ros_arguments=planned.arguments(entry),
-                additional_env=changed,
-                output="screen",
-            )
-            for entry in planned.entries
-        ),
+        _fails_without(started),
+        *started,
         *_viewers(planned.namespace, rviz, changed),
     ]
+
+
+def _fails_without(started):
+    """Return the handler that ends the launch with status 1 when every node has ended by itself."""
+    running = set(started)
+
+    def ended(event, context):
+        running.discard(event.action)
+        if not running and not context.is_shutdown:
+            raise RuntimeError("every node of the robot has ended by itself")
+
+    return RegisterEventHandler(OnProcessExit(on_exit=ended))
 
 
 def _viewers(namespace, rviz, env):

@@ -29,7 +29,7 @@ KEPT_FOLDERS = 40  # compiled generations kept on disk, the oldest are removed f
 _ROOT = Path(__file__).parent
 # A division by zero gives inf or NaN, as in arrays. Functions that are called are part of their
 # caller: passing records of twenty numbers takes a quarter of the plant's time.
-_OPTIONS = {"error_model": "numpy", "forceinline": True}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "forceinline": True}
 
 
 @functools.cache
@@ -48,11 +48,12 @@ def compiled(function: Callable) -> Callable:
     for callee in callees - _registered:
         register_jitable(**_OPTIONS)(callee)
     _registered.update(callees)
-    twin = numba.njit(function, **_OPTIONS)
+    twin: Any = numba.njit(**_OPTIONS)(function)
     if (folder := _cache_folder(callees | {function})) is not None:
-        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # read on creation
+        config: Any = numba.config
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)  # read on creation
         twin._cache = _locked_cache(function)
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
     return twin
 
 
@@ -143,7 +144,7 @@ def _locked_cache(function: Callable) -> Any:
     from numba.core.caching import FunctionCache
 
     class LockedCache(FunctionCache):
-        def save_overload(self, sig, data):
+        def save_overload(self, sig: Any, data: Any) -> None:
             with open(Path(self.cache_path) / "lock", "w") as lock:
                 fcntl.flock(lock, fcntl.LOCK_EX)
                 super().save_overload(sig, data)

@@ -3,7 +3,7 @@
 
 The table is independent of ROS: a type is `package/msg/Name`, a quality of service is a name in
 `nodes/support/topics.py`. Tests compare the table with the running graph, the security policy,
-setup.py, the parameter files and the README.
+setup.py, the parameter files and docs/nodes.md.
 """
 
 from __future__ import annotations

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from .resources import ResourceError, resource_path
-from .settings import Setting, SettingError, read_file
+from .settings import Setting, SettingError
+from .settings_file import read_file
 
 FORMAT = "screw_module_ros/device"
 DRIVE, ENCODER, FORCE_SENSOR = "drive", "encoder", "force_sensor"

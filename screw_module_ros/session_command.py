@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from pathlib import Path
@@ -19,7 +20,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage."""
     options = _parser().parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="backslashreplace")  # a name may have unprintable characters
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name may have unprintable characters
     try:
         code = options.run(options)
         sys.stdout.flush()

@@ -92,20 +92,22 @@ def wait_until() -> Callable[..., None]:
 
 
 @pytest.fixture
-def kept(request: pytest.FixtureRequest) -> Callable[[object], None]:
+def kept(request: pytest.FixtureRequest) -> Callable[..., None]:
     """Return `kept(found)`: fails unless it is what the JSON file beside the test holds for it.
 
+    rel: share by which the numbers of a flat dictionary may differ; by default they must be equal.
     With --write it becomes that, after a look at the difference; the commit says what changed.
     """
     file, name = request.path.with_suffix(".json"), request.node.name
 
-    def compare(found: object) -> None:
+    def compare(found: object, rel: float | None = None) -> None:
         stored = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         if request.config.getoption("--write"):
             text = json.dumps(stored | {name: found}, indent=1, sort_keys=True)
             file.write_text(text + "\n", encoding="utf-8")
         else:
-            assert found == stored[name]
+            wanted = stored[name]
+            assert found == (wanted if rel is None else pytest.approx(wanted, rel=rel, nan_ok=True))
 
     return compare
 

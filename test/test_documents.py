@@ -9,6 +9,7 @@ import re
 import shlex
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import yaml
@@ -166,11 +167,42 @@ def test_links_lead_somewhere():
 
 
 @pytest.mark.parametrize("folder", ["", "msg_defs"])
-def test_a_package_says_where_it_lives_and_whom_to_ask(folder):
-    package = (ROOT / folder / "package.xml").read_text(encoding="utf-8")
-    for kind in ("repository", "bugtracker"):
-        assert re.search(rf'<url type="{kind}">https://\S+</url>', package)
-    assert ".invalid" not in package
+def test_a_package_names_author_and_licence_and_no_address_that_leads_nowhere(folder):
+    """The repository is unpublished: an invented address could become somebody else's."""
+    package = ElementTree.parse(ROOT / folder / "package.xml").getroot()
+    (maintainer,) = package.findall("maintainer")
+    assert maintainer.get("email").endswith(".invalid")
+    assert package.findall("url") == []
+    assert package.findtext("author")
+    assert (ROOT / folder / "LICENSE").read_text("utf-8").strip().startswith("Apache License")
+    assert package.findtext("version") == "0.1.0"
+
+
+def test_all_that_names_the_version_names_the_same():
+    versions = {
+        ElementTree.parse(ROOT / file).getroot().findtext("version")
+        for file in ("package.xml", "msg_defs/package.xml")
+    }
+    versions.add(re.search(r'version="(.+?)"', (ROOT / "setup.py").read_text("utf-8"))[1])
+    versions.add(yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))["version"])
+    versions.add(re.search(r"^## \[(\d.+?)\]", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)[1])
+    versions.add(re.search(r"^(\d\S+) \(", (ROOT / "msg_defs/CHANGELOG.rst").read_text(), re.M)[1])
+    assert versions == {"0.1.0"}
+
+
+def test_every_ros_package_that_is_imported_is_declared():
+    """The list of what only some rooms may import is in pyproject.toml, by import-linter."""
+    root = ElementTree.parse(ROOT / "package.xml").getroot()
+    declared = {each.text for each in root.findall("exec_depend")}
+    files = [*(ROOT / "screw_module_ros").rglob("*.py"), *(ROOT / "launch").glob("*.py")]
+    found = {
+        name
+        for file in files
+        for name in re.findall(r"^\s*(?:from|import) (\w+)", file.read_text("utf-8"), re.M)
+    }
+    ros = {name for name in found if name.endswith("_msgs") or name.startswith(("rcl", "launch"))}
+    assert {"rclpy", "screw_module_msgs", "launch_ros"} <= ros
+    assert ros | {"rmw_fastrtps_cpp"} <= declared
 
 
 def test_the_profile_of_the_porting_page_is_read(tmp_path):

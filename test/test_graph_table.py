@@ -156,9 +156,10 @@ def test_setup_installs_every_node():
     assert installed >= {*NODES, COMPOSED.executable, *BESIDE}
 
 
-def test_the_readme_lists_nodes_and_topics():
+def test_the_page_of_nodes_lists_nodes_and_topics():
     """Its table has each node once, with what it alone publishes."""
-    rows = re.findall(r"^\| `(\w+)` \| (.+?) \|", (ROOT / "README.md").read_text(), re.MULTILINE)
+    page = (ROOT / "docs/nodes.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) \|", page, re.MULTILINE)
     listed = {node: set(re.findall(r"`([\w/~]+)`", cells)) for node, cells in rows}
     decimated = {name for name in TOPICS if name.endswith("/decimated")}
     for node in NODES:

@@ -11,18 +11,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.settings import (
-    Setting,
-    SettingError,
-    fields,
-    load,
-    parse,
-    plain,
-    read,
-    read_file,
-    shown,
-    validated,
-)
+from screw_module_ros.settings import Setting, SettingError, fields, plain, read, shown, validated
+from screw_module_ros.settings_file import load, parse, read_file
 
 
 class Part(NamedTuple):

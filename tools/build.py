@@ -177,7 +177,9 @@ def colcon(package: str, ros: Path | None, progress: Progress) -> None:
     if ros is None:
         env["CMAKE_PREFIX_PATH"] = env["AMENT_PREFIX_PATH"] = str(VENV)
     command = [str(VENV / "bin/colcon"), "--log-base", str(LOGS / "colcon"), "build"]
-    command += ["--packages-select", package, "--event-handlers", "console_direct+"]
+    # A link only with our pinned setuptools: from 80 on `develop` fails, so it is no default.
+    command += ["--symlink-install", "--packages-select", package]
+    command += ["--event-handlers", "console_direct+"]
     if package == MESSAGES:
         settings = ["BUILD_TESTING=OFF", "CMAKE_BUILD_TYPE=Release"]
         settings += [f"Python3_EXECUTABLE={PYTHON}", f"ONLY_FOR_PYTHON={'OFF' if ros else 'ON'}"]

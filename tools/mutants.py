@@ -52,8 +52,11 @@ TESTS = {
     "bridge": ["test/bridge"],
     "plant": ["test/plant"],
     "rig": ["test/rig", "test/loop"],
+    "identification": ["test/identification"],
 }
 """Tests that judge a room."""
+DECLARED = "test/test_kept_settings.py"
+"""Judges what stands outside of all functions, such as defaults and bounds of settings."""
 ENOUGH_S = 60.0
 """Tests of this duration in all judge a change; slower ones judge none."""
 _QUICK_S = 0.05
@@ -156,7 +159,7 @@ class Judges:
         self._tree = tree
         out = tree / "called.json"
         os.environ.update(CALLED_IN=str(tree / PACKAGE), CALLED_OUT=str(out))
-        folders = sorted({folder for room in rooms for folder in TESTS[room]})
+        folders = sorted({DECLARED, *(folder for room in rooms for folder in TESTS[room])})
         if failed := self._first_failure(
             ["-p", "called", "-m", "not long and not fault", *folders], LONGEST_S
         ):
@@ -191,7 +194,8 @@ class Judges:
         other changes.
 
         Where none calls the function itself, as outside of all functions and in compiled code,
-        these are the tests that call a function of the file, or else all of the room.
+        these are the tests that call a function of the file, or else all of the room. Outside of
+        all functions those of what is declared come first.
         """
         file = str(self._tree / one.path)
         line = _function_at(Path(file), one.line)
@@ -203,6 +207,8 @@ class Judges:
         exact = [test for test, called in own.items() if (file, line) in called]
         near = [test for test, called in own.items() if any(f == file for f, _ in called)]
         chosen, spent = [], 0.0
+        if not line:
+            chosen = [test for test in self._called if test.startswith(DECLARED)]
         for test in sorted(exact or near or own, key=self._cost):
             spent += self._seconds[test]
             if spent > ENOUGH_S:

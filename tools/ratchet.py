@@ -12,7 +12,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import rules
+PACKAGE = Path(__file__).resolve().parent.parent / "screw_module_ros"
 
 WEIGHTS = Path(__file__).with_name("weights.txt")
 
@@ -53,14 +53,16 @@ def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
 
 def main() -> int:
     """Check the package beside this folder; `--lower` writes smaller figures. Return the code."""
-    found, text = weights(rules.FOLDER), WEIGHTS.read_text("utf-8")
+    found, text = weights(PACKAGE), WEIGHTS.read_text("utf-8")
     limits = allowed(text)
     if "--lower" in sys.argv[1:]:
         head = [line for line in text.splitlines() if line.startswith("#")]
         kept = [f"{room} {min(n, limits.get(room, n))}" for room, n in sorted(found.items())]
         WEIGHTS.write_text("\n".join([*head, *kept]) + "\n", encoding="utf-8")
         return 0
-    return rules.verdict(too_heavy(found, limits), "Ratchet: no room has become heavier.")
+    heavy = too_heavy(found, limits)
+    print(*heavy or ["Ratchet: no room has become heavier."], sep="\n")
+    return 1 if heavy else 0
 
 
 if __name__ == "__main__":

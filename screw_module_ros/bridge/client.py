@@ -176,6 +176,7 @@ class Client:
         return self._rights.may(self.role, verb, name, kind, arguments)
 
     async def _answer(self, op: dict, service: str, arguments: dict) -> None:
+        values: Any
         try:
             values, result = await self._gateway.call(service, arguments), True
         except Exception as error:  # whatever it is: the caller waits for a response

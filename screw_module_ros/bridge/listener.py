@@ -94,7 +94,7 @@ class Listener:
             # One that has had its answer is closing: the server keeps none alive after it.
             if transport is None or not (transport.is_closing() or self._is_client(transport)):
                 self._count_unfinished()
-                if transport is not None:
+                if isinstance(transport, asyncio.WriteTransport):
                     transport.abort()
 
     def _count_unfinished(self) -> None:

@@ -47,7 +47,7 @@ def as_json(message: Any) -> str:
     return json.dumps(plain(message), allow_nan=False, separators=(",", ":"))
 
 
-def filled(kind: type, content: Any, where: str = "") -> Any:
+def filled(kind: type[Any], content: Any, where: str = "") -> Any:
     """Return a message of a class with values from JSON; fields not named keep their defaults.
 
     where: name of the field that this message is, for errors. Raises ValueError, which names field,

@@ -61,8 +61,8 @@ class Server:
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
         self._connections: set[Connection] = set()
-        self._listener: Listener | None = None
-        self._door: Door | None = None
+        self._listener: Listener  # both from `start` on
+        self._door: Door
         self._runner: web.AppRunner | None = None
         self.cut_off = self.refused = 0
 
@@ -83,6 +83,7 @@ class Server:
         origins = tuple(filter(None, listening.origins))
         self._door = Door(names, listener.port, listener.scheme, origins, self._tokens)
         asyncio.get_running_loop().set_exception_handler(self._unexpected)
+        assert self._runner.server is not None, "it is set up"
         listener.start(self._runner.server)
 
     async def turn(self, idle_s: float) -> None:
@@ -163,13 +164,16 @@ class Server:
         ws = web.WebSocketResponse(
             max_msg_size=self.limits.size, heartbeat=_HEARTBEAT_S, compress=False
         )
+        transport = request.transport
+        if transport is None:
+            raise ConnectionResetError("the client has gone")
         wake, now_ns = asyncio.Event(), self._clock.now_ns()
         client = Client(role, self._rights, self._gateway, self.limits, now_ns, wake.set)
-        connection = Connection(ws, request.transport, client, wake)
+        connection = Connection(ws, transport, client, wake)
         self._connections.add(connection)
         try:
             await ws.prepare(request)
-            request.transport.set_write_buffer_limits(high=_BUFFER)
+            transport.set_write_buffer_limits(high=_BUFFER)
             writer = asyncio.create_task(self._write(connection))
             try:
                 await self._read(connection)

@@ -19,7 +19,8 @@ from typing import Annotated, Any, NamedTuple
 
 from ..control.modes import uses_feedback, uses_observer
 from ..control.vertical_settings import VerticalSettings
-from ..settings import Setting, SettingError, fields, problem, read_file, read_text
+from ..settings import Setting, SettingError, fields, problem
+from ..settings_file import read_file, read_text
 from .module import check_serial
 
 FORMAT = "screw_module_ros/certificate"

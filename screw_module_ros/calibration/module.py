@@ -45,7 +45,8 @@ import yaml
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..resources import resource_path
-from ..settings import VERSION, Setting, SettingError, plain, read, read_file
+from ..settings import Setting, SettingError, plain, read
+from ..settings_file import VERSION, read_file
 
 FORMAT = "screw_module_ros/calibration"
 FRICTION_FORMAT = "screw_module_ros/friction"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import struct
 import threading
+from collections.abc import Callable
 from typing import NamedTuple
 
 from ..can_io.port import Port
@@ -71,7 +72,7 @@ TORQUE_UNITS = {
 RESTARTED = 1 << 0
 RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in FORCE_STATUS_BITS)
 
-Row = tuple[float, float, float, float, float, float]
+Row = tuple[float, ...]
 
 
 def status_names(status: int) -> list[str]:
@@ -101,8 +102,8 @@ class SensorIdentity(NamedTuple):
 
     serial: str = ""
     firmware: str = ""
-    counts_per_force: int = 0
-    counts_per_torque: int = 0
+    counts_per_force: float = 0
+    counts_per_torque: float = 0
     force_unit: float = 1.0
     torque_unit: float = 1.0
 
@@ -221,10 +222,13 @@ class Dialogue:
                 f"{self.label} counts in units that are not known: force code {codes[0]}, torque "
                 f"code {codes[1]}; calibrate it in N (2) and Nm (3)"
             )
-        counts = COUNTS_PER_UNIT.unpack(self._ask_one(READ_COUNTS_PER_UNIT, COUNTS_PER_UNIT.size))
+        told = self._ask_one(READ_COUNTS_PER_UNIT, COUNTS_PER_UNIT.size)
+        per_force, per_torque = counts = COUNTS_PER_UNIT.unpack(told)
         if not all(0 < each <= _MOST_COUNTS for each in counts):
             raise WrongDevice(f"{self.label} says {counts} counts per unit: no active calibration?")
-        return SensorIdentity(self.serial(), self.firmware(), *counts, force, torque)
+        return SensorIdentity(
+            self.serial(), self.firmware(), per_force, per_torque, force, torque
+        )
 
     def matrix(self) -> list[Row]:
         """Return the active calibration matrix, six rows for Fx to Tz over six gauges.
@@ -247,7 +251,9 @@ class Dialogue:
         return tuple(x for part in parts for x in MATRIX_PART.unpack(part))
 
 
-def _collector(found: dict[int, bytes], code: int, length: int):
+def _collector(
+    found: dict[int, bytes], code: int, length: int
+) -> Callable[[bytes, int], None]:
     def collect(data: bytes, _arrival_ns: int) -> None:
         if len(data) == length:
             found[code] = bytes(data)

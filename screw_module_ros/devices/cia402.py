@@ -123,8 +123,9 @@ def is_legal(before: State, after: State) -> bool:
     return before == after or (before, after) in LEGAL
 
 
-#: Controlword for each state on the way to each goal. Faults and quick stops end in voltage off;
-#: to leave them the caller sends `FAULT_RESET` after a cleared bit 7.
+#: Controlword for each state on the way to each goal. A drive leaves operation enabled by voltage
+#: off: it coasts then, whatever its option codes say (transition 9). Faults and quick stops end in
+#: voltage off too; to leave them the caller sends `FAULT_RESET` after a cleared bit 7.
 CONTROLWORD: dict[Goal, dict[State, int]] = {
     Goal.OFF: dict.fromkeys(State, DISABLE_VOLTAGE),
     Goal.SWITCHED_ON: dict.fromkeys(State, DISABLE_VOLTAGE)
@@ -132,7 +133,6 @@ CONTROLWORD: dict[Goal, dict[State, int]] = {
         _S.SWITCH_ON_DISABLED: SHUTDOWN,
         _S.READY_TO_SWITCH_ON: SWITCH_ON,
         _S.SWITCHED_ON: SWITCH_ON,
-        _S.OPERATION_ENABLED: DISABLE_OPERATION,
     },
     Goal.OPERATION_ENABLED: dict.fromkeys(State, DISABLE_VOLTAGE)
     | {

@@ -118,8 +118,6 @@ class Drive(DriveReports):
 
         A drive that refuses it lacks that guard, and is not enabled. Raises NotAnswering, BusError.
         """
-        if max_torque == self.told_limit:
-            return
         self.told_limit = None  # until it has answered
         self.settings = self.settings._replace(max_torque=max_torque)
         self._limited(

@@ -45,7 +45,7 @@ class Object(NamedTuple):
     have the object. name: for messages.
     """
 
-    index: int
+    index: int  # type: ignore[assignment]  # hides the tuple's method
     subindex: int
     value: int
     size: int
@@ -67,7 +67,6 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
     """Return the objects that decide how the drive stops, in order; rated: its torque [Nm]."""
     coast = settings.stop_reaction == COAST
     stop = _DISABLE_AND_COAST if coast else _QUICK_STOP_RAMP
-    disable = _DISABLE_AND_COAST if coast else _RAMP_DOWN
     period = milliseconds(settings.drive_heartbeat)
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
     return (
@@ -77,8 +76,8 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
         Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION),
         Object(0x605E, 0, stop, 2, FAULT_REACTION),
         limit_object(settings, rated),
-        Object(0x605B, 0, disable, 2, "", "shutdown reaction"),
-        Object(0x605C, 0, disable, 2, "", "disable reaction"),
+        # Who coasts leaves operation enabled by voltage off, on which no option code acts.
+        *(() if coast else (Object(0x605C, 0, _RAMP_DOWN, 2, "", "disable reaction"),)),
     )
 
 

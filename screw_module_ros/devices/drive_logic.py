@@ -20,7 +20,15 @@ from collections import deque
 from canopen.nmt import NMT_STATES
 
 from .canopen import OPERATIONAL, PRE_OPERATIONAL
-from .cia402 import CONTROLWORD, DISABLE_VOLTAGE, FAULT_RESET, QUICK_STOP, Goal, State
+from .cia402 import (
+    CONTROLWORD,
+    DISABLE_OPERATION,
+    DISABLE_VOLTAGE,
+    FAULT_RESET,
+    QUICK_STOP,
+    Goal,
+    State,
+)
 
 _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
@@ -85,10 +93,11 @@ class Recovery:
 class DriveLogic:
     """Request to one drive, and the reason why it is off.
 
-    label: name of the drive in messages. brake: a latched fault stops with the quick stop ramp
-    instead of coasting. enable_timeout: limit for enabling and for recovering [s]. silence: time
-    without a heartbeat after which the drive is lost [s]. leaving: a disabling is under way; a new
-    request has to wait, or the drive's obedience to the old one would look like an exit by itself.
+    label: name of the drive in messages. brake: a latched fault stops with the quick stop ramp, a
+    disabling with that of 605C, instead of coasting. enable_timeout: limit for enabling and for
+    recovering [s]. silence: time without a heartbeat after which the drive is lost [s]. leaving: a
+    disabling is under way; a new request has to wait, or the drive's obedience to the old one would
+    look like an exit by itself.
     """
 
     def __init__(self, label: str, brake: bool, enable_timeout: float, silence: float):
@@ -196,6 +205,8 @@ class DriveLogic:
             return self.recovery.controlword(state, now_ns)
         if self._brake and self.reason and state in _STOPPING:
             return QUICK_STOP
+        if self._brake and self.goal is Goal.SWITCHED_ON and state is State.OPERATION_ENABLED:
+            return DISABLE_OPERATION
         return CONTROLWORD[self.goal][state]
 
     def nmt_stop_due(self, now_ns: int) -> bool:

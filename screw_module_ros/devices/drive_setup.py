@@ -142,7 +142,7 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
     units = (profile.rated_torque_unit,) if profile.rated_torque_unit else (_MILLI, _MICRO)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, sdo.label, units)
     mode = _select_mode(port, sdo, profile.modes)
-    warnings = []
+    warnings: list[str] = []
     if mode == PROFILE_TORQUE_MODE:
         _, warnings = written(sdo, (_SLOPE,))
     else:

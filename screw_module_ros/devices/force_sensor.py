@@ -27,7 +27,7 @@ from .force_sensor_settings import (
 from .polled import FRESH, LATE, UNEXPECTED, Polled
 from .tare import mean_wrench
 
-Wrench = tuple[float, float, float, float, float, float]
+Wrench = tuple[float, ...]
 _NO_WRENCH: Wrench = (0.0,) * ati.AXES
 _RESTART_S = 0.02  # after this silence the board may have lost its supply and come back
 
@@ -55,7 +55,7 @@ class ForceSensor:
     REQUEST = b""
     FIRST, SECOND = ati.READ_GAUGES, ati.READ_GAUGES_SECOND
     SIZES = ati.GAUGES_FIRST.size, ati.GAUGES_SECOND.size
-    SETTINGS = (ati.SET_CALIBRATION, ati.RESET)
+    SETTINGS: tuple[int, ...] = (ati.SET_CALIBRATION, ati.RESET)
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
         self.settings = validated(settings)
@@ -245,10 +245,10 @@ class ForceSensor:
         if verdict in (LATE, UNEXPECTED):
             return  # an older second half: the present first half still needs its own
         half, self._half = self._half, None
-        if verdict == FRESH and half is None:
-            self.counters["out_of_order"] += 1
-        elif verdict == FRESH:
+        if verdict == FRESH and half is not None:
             self._complete(half, data)
+        elif verdict == FRESH:
+            self.counters["out_of_order"] += 1
 
     def _complete(self, first: bytes, second: bytes) -> None:
         status, values = self.values(first, second)
@@ -265,11 +265,11 @@ class ForceSensor:
         if self._calibration_lost:
             return
         g0, g1, g2, g3, g4, g5 = values
-        wrench = [
+        fx, fy, fz, tx, ty, tz = [
             a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 - bias
             for (a, b, c, d, e, f), bias in zip(self._rows, self.bias, strict=True)
         ]
-        self._poll.deliver(ForceReading(*self._poll.asked, *wrench, status))
+        self._poll.deliver(ForceReading(*self._poll.asked, fx, fy, fz, tx, ty, tz, status))
 
     def values(self, first: bytes, second: bytes) -> tuple[int, tuple[int, ...] | None]:
         """Return status word and six counts of the two halves, None for counts not to be used."""

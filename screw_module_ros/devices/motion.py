@@ -84,6 +84,7 @@ class Motion:
 
     def home(self, position: float) -> None:
         """Declare that the axis stands at `position` [m or rad]; requires a sample."""
+        assert self._state is not None, "no sample yet"
         self._offset = position - self._state.position
         self.position, self.homed = position, True
 

@@ -26,7 +26,7 @@ ON_EVENT = 255
 class Entry(NamedTuple):
     """One mapped object: index, sub-index and its size [bit]."""
 
-    index: int
+    index: int  # type: ignore[assignment]  # hides the tuple's method
     subindex: int
     bits: int
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
@@ -119,7 +120,7 @@ class Sdo:
                 f"0x{found:X}; the device does not take this setting"
             )
 
-    def _transfer(self, index: int, subindex: int, action: Callable):
+    def _transfer(self, index: int, subindex: int, action: Callable[[], Any]) -> Any:
         with self._lock:
             self._object = index.to_bytes(2, "little")
             for _ in range(_TRIES):

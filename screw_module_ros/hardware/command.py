@@ -16,6 +16,7 @@ import click
 
 from ..can_io.bus import BusSettings, open_port
 from ..can_io.errors import BusError
+from ..can_io.port import Port
 from ..clock import Clock, WallClock
 from ..devices import force_sensors
 from ..devices.drive import Drive
@@ -28,7 +29,7 @@ from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, by_kind, load
 from ..profiles import NODES as DRIVERS
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
-from ..settings import load as load_yaml
+from ..settings_file import load as load_yaml
 from . import devices, machine
 from .devices import Bus
 from .finding import TO_DO, Finding, table
@@ -143,7 +144,7 @@ def check(
         if move and {"encoder", "amplifier"} <= there.keys():
             tell(f"Move the handle UP by about 5 cm and back, for {move:g} s.")
             findings += devices.directions(there["encoder"], there["amplifier"], clock, move)
-        parts = {name: (there[name], found.bus_of(there[name]).port)
+        parts: dict[str, tuple[Any, Port]] = {name: (there[name], found.bus_of(there[name]).port)
                  for name in ("encoder", "force_sensor") if name in there}  # fmt: skip
         if seconds and parts:
             tell(f"Let go of the handle: {seconds:g} s of samples.")

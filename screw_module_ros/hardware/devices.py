@@ -192,7 +192,7 @@ def sampled(
         device.start()
     until_ns = clock.now_ns() + round(seconds * 1e9)
     while clock.now_ns() < until_ns:
-        loop.step(Parts(**polled))
+        loop.step(Parts(polled.get("encoder"), polled.get("force_sensor")))
     found = []
     for name, (device, _) in parts.items():
         found += _answers(name, device, polled[name], period_ns)

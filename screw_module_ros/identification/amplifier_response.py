@@ -13,7 +13,14 @@ from ..settings import Setting
 from .figures import bode
 from .lab import Lab, Part
 from .results import ANALYZER, Experiment, Published, Quantity, Result, beside
-from .sampled import first_order, fit_response, response, sampled_response, whole_cycles
+from .sampled import (
+    first_order,
+    fit_response,
+    model_of,
+    response,
+    sampled_response,
+    whole_cycles,
+)
 from .trials import AnalyzerTrial, Samples
 
 NAME = "amplifier_response"
@@ -22,8 +29,6 @@ THESIS = {
     "delay": Published(60e-6, "4.1.2, fig 4-6", 5e-6, given_to_plant=True),
 }
 _SETTLE_S = 0.01
-_START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
-_START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
 _START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
 
 
@@ -37,11 +42,14 @@ class Settings(NamedTuple):
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 2
     shortest: Annotated[float, Setting("least duration of each sine", "s", 0.005, 10.0)] = 0.04
 
+    def flaw(self) -> str:
+        """Return what is wrong with a sweep without a width."""
+        wrong = f"high = {self.high:g} Hz is not above low = {self.low:g} Hz"
+        return wrong if self.high <= self.low else ""
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure and fit. Raises Cancelled, NotPossible without an analyser, ValueError."""
-    if settings.high <= settings.low:
-        raise ValueError(f"high = {settings.high:g} Hz is not above low = {settings.low:g} Hz")
     count = round(settings.per_decade * math.log10(settings.high / settings.low)) + 1
     frequencies = np.geomspace(settings.low, settings.high, count)
     trials = {
@@ -52,10 +60,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     measured = np.array([part["value"] for part in parts])
     rate = trials["000"].rate
 
-    def model(numbers: np.ndarray) -> np.ndarray:
-        gain, pole, delay = numbers
-        return gain * sampled_response(first_order(pole), frequencies, rate, delay)
-
+    model = model_of(sampled_response, first_order, frequencies, rate)
     fit = fit_response(model, measured, _START, _LOW, _HIGH)
     gain, pole, delay = map(float, fit.values)
     gain_error, pole_error, delay_error = map(float, fit.errors)

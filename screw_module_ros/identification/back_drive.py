@@ -22,7 +22,7 @@ paper's.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -32,8 +32,8 @@ from scipy import signal
 from scipy.optimize import brentq
 
 from ..figure_style import COLOURS, DESIRED
-from ..geometry import MANUS, PlanarArm, inverse, jacobian
-from ..settings import Setting, validated
+from ..geometry import MANUS, inverse, jacobian
+from ..settings import Setting
 from .lab import Lab
 from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import (
@@ -55,11 +55,13 @@ THESIS = {
     "major_axis_laden": Published(4.0, "D, fig 3", 0.1),
 }
 _KILOGRAM = 0.011  # m on the page per kg, so that neighbouring ellipses do not meet
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 LEVEL = 1.0
 """The bandwidth ends where |speed of the load / torque| falls below this [rad/s per Nm]."""
-_SLOWEST, _FASTEST = 2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4  # rad/s, for the search
-_SLOWEST, _FASTEST = 2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4  # rad/s, for the search
+_SEARCHED = np.geomspace(2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4, 3000)  # [rad/s]
+_RESONANCE, _UNDAMPED, _TENTH, _WHOLE = 3.0, 10.6, 0.446, 40.0
+"""Printed results that choose the belt: resonance [Hz], bandwidth undamped [Hz], damping factor at
+a tenth of the belt's damping, bandwidth of the whole drive [Hz]."""
 
 
 class JointInertia(NamedTuple):
@@ -73,18 +75,11 @@ class JointInertia(NamedTuple):
     coupling: float
 
 
-APPENDIX_D = JointInertia(0.173, 0.226, 0.171)
-APPENDIX_D_ARM = MANUS._replace(base_y=-0.60)
+JOINTS = JointInertia(0.173, 0.226, 0.171)
+ARM = MANUS._replace(base_y=-0.60)
 """Derived from appendix D, not measured: the paper prints no inertias. With its links and the base
 0.60 m behind the workspace's centre these inertias reproduce all its printed figures: anisotropy
 1.23 to 1.53, at most 4/3 kg without the module, 4 kg with a module of 2.7 kg."""
-INMOTION2 = JointInertia(0.391, 0.228, 0.227)
-INMOTION2_ARM = MANUS
-"""Identified on a later commercial InMotion2, another robot than the thesis's."""
-SETS = {
-    "appendix_d": (APPENDIX_D, APPENDIX_D_ARM),
-    "inmotion2": (INMOTION2, INMOTION2_ARM),
-}
 FLANK_ANGLE = math.atan((GROOVE_AT_OUTER - GROOVE_AT_INNER) / (OUTER_DIAMETER - INNER_DIAMETER))
 """Slope of the groove's flanks [rad], from its widths at the two diameters (thesis 3.1.1)."""
 
@@ -102,9 +97,6 @@ class Settings(NamedTuple):
     plastic: Annotated[float, Setting("friction of a plastic screw", "", 0.0, 1.0)] = 0.15
     roller: Annotated[float, Setting("friction of a roller screw", "", 0.0, 1.0)] = 0.015
     module_mass: Annotated[float, Setting("of the vertical module", "kg", 0.0, 50.0)] = 2.7
-    plane: Annotated[
-        str, Setting("inertias of the planar arm and its base, by name", choices=tuple(SETS))
-    ] = "appendix_d"
     half_width: Annotated[float, Setting("half the workspace in x", "m", 0.01, 0.5)] = 0.1905
     half_depth: Annotated[float, Setting("half the workspace in y", "m", 0.01, 0.5)] = 0.2286
     heaviest: Annotated[
@@ -113,56 +105,42 @@ class Settings(NamedTuple):
 
 
 class Wedge(NamedTuple):
-    """The thread, unwrapped: lead angle phi and thread angle theta [rad], friction mu."""
+    """The thread, unwrapped: lead angle phi and thread angle theta [rad]."""
 
     lead_angle: float
     thread_angle: float
-    friction: float
 
     @property
-    def back_limit(self) -> float:
-        """Return the greatest friction with which the nut turns the screw (eq 5)."""
-        return math.tan(self.lead_angle) * math.cos(self.thread_angle)
+    def limits(self) -> tuple[float, float]:
+        """Greatest friction with which the nut turns the screw (eq 5), the screw lifts the nut
+        (eq 6)."""
+        steep, cosine = math.tan(self.lead_angle), math.cos(self.thread_angle)
+        return steep * cosine, cosine / steep
 
-    @property
-    def forward_limit(self) -> float:
-        """Return the greatest friction with which the screw lifts the nut (eq 6)."""
-        return math.cos(self.thread_angle) / math.tan(self.lead_angle)
-
-    def back_efficiency(self) -> float:
-        """Return the share of the nut's force that turns the screw (eq 4), 0 when it sticks."""
-        steep, cosine, mu = self._terms()
-        return max(0.0, (cosine * steep - mu) / (cosine + mu * steep) / steep)
-
-    def forward_efficiency(self) -> float:
-        """Return the share of the screw's torque that lifts the nut, 0 when it sticks."""
-        steep, cosine, mu = self._terms()
-        return max(0.0, steep * (cosine - mu * steep) / (cosine * steep + mu))
-
-    def _terms(self) -> tuple[float, float, float]:
-        return math.tan(self.lead_angle), math.cos(self.thread_angle), self.friction
+    def efficiencies(self, mu: float) -> tuple[float, float]:
+        """Return the share of the nut's force that turns the screw (eq 4) and of the screw's torque
+        that lifts the nut, 0 when it sticks; mu: friction."""
+        steep, cosine = math.tan(self.lead_angle), math.cos(self.thread_angle)
+        back = (cosine * steep - mu) / (cosine + mu * steep) / steep
+        return max(0.0, back), max(0.0, steep * (cosine - mu * steep) / (cosine * steep + mu))
 
 
-def wedge(settings: Settings, friction: float) -> Wedge:
+def wedge(settings: Settings) -> Wedge:
     """Return the module's screw; theta is the flank's angle in the plane across the thread."""
     lead_angle = math.atan(settings.lead / (math.pi * settings.diameter))
-    across = math.atan(math.tan(settings.flank_angle) * math.cos(lead_angle))
-    return Wedge(lead_angle, across, friction)
+    return Wedge(lead_angle, math.atan(math.tan(settings.flank_angle) * math.cos(lead_angle)))
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Evaluate screw, plane and belt.
 
-    Raises ValueError for settings out of range and for a workspace beyond the arm's reach.
+    Raises ValueError for a workspace beyond the arm's reach.
     """
-    validated(settings)
-    joints, arm = SETS[settings.plane]
-    area = grid(settings.half_width, settings.half_depth, 41, 41)
-    bare = tensors(area, joints, arm=arm)
+    area = grid(settings.half_width, settings.half_depth, 41)
+    bare = np.array([tensor(*point) for point in area])
     laden = bare + settings.module_mass * np.eye(2)
-    shown = grid(settings.half_width, settings.half_depth, 3, 3)
-    friction = np.linspace(0.0, 0.5, 101)
-    screws = [wedge(settings, mu) for mu in friction]
+    shown = grid(settings.half_width, settings.half_depth, 3)
+    shown_bare = np.array([tensor(*point) for point in shown])
     data = {
         "points": area,
         "anisotropy_bare": anisotropy(bare),
@@ -170,17 +148,10 @@ def run(lab: Lab, settings: Settings) -> Result:
         "axes_bare": np.linalg.eigvalsh(bare),
         "axes_laden": np.linalg.eigvalsh(laden),
         "shown_points": shown,
-        "shown_bare": tensors(shown, joints, arm=arm),
-        "shown_laden": tensors(shown, joints, settings.module_mass, arm),
-        "anisotropy_possible": np.array(least_anisotropy(joints, arm)),
-        "heaviest": np.array(settings.heaviest),
-        "module_mass": np.array(settings.module_mass),
-        "friction": friction,
-        "back_efficiency": np.array([screw.back_efficiency() for screw in screws]),
-        "forward_efficiency": np.array([screw.forward_efficiency() for screw in screws]),
+        "shown_bare": shown_bare,
+        "shown_laden": shown_bare + settings.module_mass * np.eye(2),
     }
-    pair = (wedge(settings, settings.plastic), wedge(settings, settings.roller))
-    quantities = _screw(settings, *pair) + _plane(data) + _belt(chosen())
+    quantities = _screw(settings) + _plane(data) + _belt(chosen())
     return Result(
         NAME,
         beside(THESIS, quantities, DERIVED),
@@ -195,43 +166,46 @@ def _of(name: str, value: float, unit: str, text: str) -> Quantity:
     return Quantity(name, float(value), math.nan, unit, text)
 
 
-def _screw(settings, plastic, roller) -> tuple[Quantity, ...]:
-    def least_lead(screw) -> float:
-        steepness = screw.friction / math.cos(screw.thread_angle)
-        return math.pi * settings.diameter * steepness
-
-    forward = roller.forward_efficiency(), plastic.forward_efficiency()
-    back = roller.back_efficiency(), plastic.back_efficiency()
+def _screw(settings: Settings) -> tuple[Quantity, ...]:
+    screw = wedge(settings)
+    roller_back, roller_forward = screw.efficiencies(settings.roller)
+    plastic_back, plastic_forward = screw.efficiencies(settings.plastic)
+    back_limit, forward_limit = screw.limits
+    back_gain = roller_back / plastic_back if plastic_back > 0.0 else math.inf
+    forward_gain = roller_forward / plastic_forward if plastic_forward > 0.0 else math.inf
+    around = math.pi * settings.diameter
     return (
-        _of("lead_angle", roller.lead_angle, "rad", "lead angle at the effective diameter (eq 4)"),
-        _of("thread_angle", roller.thread_angle, "rad",
+        _of("lead_angle", screw.lead_angle, "rad", "lead angle at the effective diameter (eq 4)"),
+        _of("thread_angle", screw.thread_angle, "rad",
            "thread angle theta of eq 4, from the groove's widths in 3.1.1"),
-        _of("back_friction_limit", roller.back_limit, "",
+        _of("back_friction_limit", back_limit, "",
            "greatest friction with which the handle can drive the screw (eq 5)"),
-        _of("forward_friction_limit", roller.forward_limit, "",
+        _of("forward_friction_limit", forward_limit, "",
            "greatest friction with which the motor can drive the nut (eq 6)"),
-        _of("forward_loss_plastic", 1.0 - forward[1], "",
+        _of("forward_loss_plastic", 1.0 - plastic_forward, "",
            "share lost, motor drives the nut, plastic (appendix D: roughly 30 %)"),
-        _of("forward_loss_roller", 1.0 - forward[0], "",
+        _of("forward_loss_roller", 1.0 - roller_forward, "",
            "share lost, motor drives the nut, roller (appendix D: less than 5 %)"),
-        _of("forward_gain", _ratio(*forward) - 1.0, "",
+        _of("forward_gain", forward_gain - 1.0, "",
            "force left with the roller over plastic, less one, motor drives the nut (appendix D: "
            "40 % greater acceleration)"),
-        _of("back_loss_plastic", 1.0 - back[1], "",
+        _of("back_loss_plastic", 1.0 - plastic_back, "",
            "share lost, handle drives the screw, plastic (appendix D: roughly 30 %)"),
-        _of("back_loss_roller", 1.0 - back[0], "",
+        _of("back_loss_roller", 1.0 - roller_back, "",
            "share lost, handle drives the screw, roller (appendix D: less than 5 %)"),
-        _of("back_gain", _ratio(*back) - 1.0, "",
+        _of("back_gain", back_gain - 1.0, "",
            "force left with the roller over plastic, less one, handle drives the screw (appendix "
            "D: 40 % greater acceleration)"),
-        _of("least_lead_plastic", least_lead(plastic), "m",
+        _of("least_lead_plastic",
+           around * (settings.plastic / math.cos(screw.thread_angle)), "m",
            "smallest lead that the handle can drive, plastic (eq 5)"),
-        _of("least_lead_roller", least_lead(roller), "m",
+        _of("least_lead_roller",
+           around * (settings.roller / math.cos(screw.thread_angle)), "m",
            "smallest lead that the handle can drive, roller (eq 5)"),
     )  # fmt: skip
 
 
-def _plane(data) -> tuple[Quantity, ...]:
+def _plane(data: dict[str, np.ndarray]) -> tuple[Quantity, ...]:
     bare, laden = data["anisotropy_bare"], data["anisotropy_laden"]
     return (
         _of("anisotropy_least", bare.min(), "",
@@ -275,11 +249,7 @@ def _belt(belt: Belt) -> tuple[Quantity, ...]:
     )  # fmt: skip
 
 
-def _ratio(left: float, right: float) -> float:
-    return left / right if right > 0.0 else math.inf
-
-
-def _notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
+def _notes(settings: Settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     """Return the notes for the report."""
     bare, laden = data["anisotropy_bare"], data["anisotropy_laden"]
     major = data["axes_laden"][:, 1]
@@ -291,11 +261,10 @@ def _notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
         "the handle driving the screw loses more with plastic. We read the 40 % as the ratio of "
         "the remaining forces for one input force; the acceleration also depends on the inertias "
         "of both sides.",
-        f"Plane, set {settings.plane}: anisotropy without module {bare.min():.2f} to "
+        f"Plane: anisotropy without module {bare.min():.2f} to "
         f"{bare.max():.2f}, least value in the arm's reach "
-        f"{float(data['anisotropy_possible']):.2f}. The paper prints no inertias. The set "
-        "appendix_d is derived from its printed figures, so their agreement proves nothing; the "
-        "set inmotion2, identified on a later commercial robot, does not reproduce them.",
+        f"{least_anisotropy():.2f}. The paper prints no inertias. Ours are derived from its "
+        "printed figures, so their agreement proves nothing.",
         f"A module of {settings.module_mass:g} kg reduces the anisotropy to a range of "
         f"{laden.min():.2f} to {laden.max():.2f}. The major axis exceeds the allowed "
         f"{settings.heaviest:g} kg on {share:.0%} of the workspace; its least value is "
@@ -307,34 +276,26 @@ def _notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     )
 
 
-def tensor(
-    x: float, y: float, joints: JointInertia, mass: float = 0.0, arm: PlanarArm = MANUS
-) -> np.ndarray:
-    """Return the inertia at the tip [kg], shape (2, 2), at x, y [m] from the workspace centre.
+def tensor(x: float, y: float) -> np.ndarray:
+    """Return the arm's inertia at the tip [kg], shape (2, 2), at x, y [m] from the centre.
 
-    mass: of the module at the tip [kg]. Raises ValueError when the point is out of reach.
+    Raises ValueError when the point is out of reach.
     """
-    reach = math.hypot(x - arm.base_x, y - arm.base_y)
-    if not abs(arm.forearm - arm.upper_arm) < reach < arm.forearm + arm.upper_arm:
+    if not abs(ARM.forearm - ARM.upper_arm) < math.hypot(x - ARM.base_x, y - ARM.base_y) < (
+        ARM.forearm + ARM.upper_arm
+    ):
         raise ValueError(f"x = {x:g}, y = {y:g} m is out of reach of the planar arm")
-    shoulder, elbow = inverse(x, y, arm)
-    back = np.linalg.inv(np.reshape(jacobian(shoulder, elbow, arm), (2, 2)))
-    across = joints.coupling * math.cos(elbow - shoulder)
-    matrix = np.array([[joints.shoulder, across], [across, joints.elbow]])
-    return back.T @ matrix @ back + mass * np.eye(2)
+    shoulder, elbow = inverse(x, y, ARM)
+    back = np.linalg.inv(np.reshape(jacobian(shoulder, elbow, ARM), (2, 2)))
+    across = JOINTS.coupling * math.cos(elbow - shoulder)
+    matrix = np.array([[JOINTS.shoulder, across], [across, JOINTS.elbow]])
+    return back.T @ matrix @ back
 
 
-def tensors(
-    points: np.ndarray, joints: JointInertia, mass: float = 0.0, arm: PlanarArm = MANUS
-) -> np.ndarray:
-    """Return the inertia [kg], shape (n, 2, 2), at points x, y [m], shape (n, 2)."""
-    return np.array([tensor(float(x), float(y), joints, mass, arm) for x, y in points])
-
-
-def grid(half_width: float, half_depth: float, columns: int, rows: int) -> np.ndarray:
-    """Return points x, y [m], shape (columns * rows, 2), over the workspace, its edge included."""
+def grid(half_width: float, half_depth: float, count: int) -> np.ndarray:
+    """Return points x, y [m], shape (count^2, 2), over the workspace, its edge included."""
     x, y = np.meshgrid(
-        np.linspace(-half_width, half_width, columns), np.linspace(-half_depth, half_depth, rows)
+        np.linspace(-half_width, half_width, count), np.linspace(-half_depth, half_depth, count)
     )
     return np.column_stack([x.ravel(), y.ravel()])
 
@@ -345,14 +306,13 @@ def anisotropy(inertia: np.ndarray) -> np.ndarray:
     return major / minor
 
 
-def least_anisotropy(joints: JointInertia, arm: PlanarArm = MANUS) -> float:
+def least_anisotropy() -> float:
     """Return the least anisotropy in the arm's reach; it does not depend on the arm's direction."""
     angles = np.radians(np.linspace(1.0, 179.0, 357))
     reach = np.sqrt(
-        arm.upper_arm**2 + arm.forearm**2 + 2.0 * arm.upper_arm * arm.forearm * np.cos(angles)
+        ARM.upper_arm**2 + ARM.forearm**2 + 2.0 * ARM.upper_arm * ARM.forearm * np.cos(angles)
     )
-    points = np.column_stack([np.full_like(reach, arm.base_x), arm.base_y + reach])
-    inertia = np.array([tensor(float(x), float(y), joints, arm=arm) for x, y in points])
+    inertia = np.array([tensor(ARM.base_x, ARM.base_y + far) for far in reach])
     return float(anisotropy(inertia).min())
 
 
@@ -370,37 +330,18 @@ class Belt(NamedTuple):
     ground: float = 0.0
 
 
-class Printed(NamedTuple):
-    """Printed results: resonance [Hz], bandwidths [Hz], damping factor at a tenth of damping."""
-
-    resonance: float = 3.0
-    undamped: float = 10.6
-    tenth_factor: float = 0.446
-    whole: float = 40.0
-
-
-PRINTED = Printed()
-
-
-def system(belt: Belt) -> signal.StateSpace:
-    """Return motor torque [Nm] -> speed of the load [rad/s]; states: both speeds and the twist."""
-    return signal.StateSpace(
-        [
-            [-(belt.ground + belt.damping) / belt.motor, belt.damping / belt.motor,
-             -belt.stiffness / belt.motor],
-            [belt.damping / belt.load, -(belt.ground + belt.damping) / belt.load,
-             belt.stiffness / belt.load],
-            [1.0, -1.0, 0.0],
-        ],
-        [[1.0 / belt.motor], [0.0], [0.0]],
-        [[0.0, 1.0, 0.0]],
-        [[0.0]],
-    )  # fmt: skip
-
-
 def mode(belt: Belt) -> tuple[float, float]:
-    """Return frequency [Hz] and damping factor of the twist; above 1 it does not oscillate."""
-    poles = np.linalg.eigvals(system(belt).A)
+    """Return frequency [Hz] and damping factor of the twist; above 1 it does not oscillate.
+
+    States: speed of the motor, speed of the load, twist.
+    """
+    poles = np.linalg.eigvals([
+        [-(belt.ground + belt.damping) / belt.motor, belt.damping / belt.motor,
+         -belt.stiffness / belt.motor],
+        [belt.damping / belt.load, -(belt.ground + belt.damping) / belt.load,
+         belt.stiffness / belt.load],
+        [1.0, -1.0, 0.0],
+    ])  # fmt: skip
     pair = poles[np.argsort(np.abs(poles))[1:]]
     if np.abs(poles.imag).max() > 0.0:
         pair = poles[np.abs(poles.imag) > 0.0]
@@ -409,43 +350,30 @@ def mode(belt: Belt) -> tuple[float, float]:
 
 
 def bandwidth(belt: Belt) -> float:
-    """Return the highest frequency [Hz] at which |speed of the load / torque| falls below LEVEL.
-
-    Raises ValueError if there is none.
-    """
-    omega = np.geomspace(_SLOWEST, _FASTEST, 3000)
-    above = np.flatnonzero(_gain(belt, omega) > LEVEL)
-    if len(above) == 0 or above[-1] == len(omega) - 1:
-        raise ValueError("the load's speed per torque does not fall through the level")
-    low, high = omega[above[-1]], omega[above[-1] + 1]
-    last = brentq(lambda w: float(_gain(belt, np.array([w]))[0]) - LEVEL, low, high)
-    return last / (2.0 * math.pi)
+    """Return the highest frequency [Hz] at which |speed of the load / torque| falls below LEVEL."""
+    last = np.flatnonzero(gain(belt, _SEARCHED) > LEVEL)[-1]
+    found = brentq(
+        lambda w: float(gain(belt, np.array([w]))[0]) - LEVEL, *_SEARCHED[last : last + 2]
+    )
+    return found / (2.0 * math.pi)
 
 
-def chosen(printed: Printed = PRINTED) -> Belt:
+def chosen() -> Belt:
     """Return the parameters that reproduce the printed results, with equal inertias on both sides.
 
-    Raises ValueError if there are none.
+    The damping to ground is sought below 0.4: from 0.5 on the gain is below the level even at zero
+    frequency.
     """
-    natural = 2.0 * math.pi * printed.resonance
-    if printed.undamped <= printed.resonance:
-        raise ValueError("the undamped bandwidth lies above the resonance")
-    omega = 2.0 * math.pi * printed.undamped
+    natural, omega = 2.0 * math.pi * _RESONANCE, 2.0 * math.pi * _UNDAMPED
     total = 1.0 / (LEVEL * omega * ((omega / natural) ** 2 - 1.0))
     reduced = total / 4.0
-    damping = 10.0 * 2.0 * printed.tenth_factor * natural * reduced
+    damping = 10.0 * 2.0 * _TENTH * natural * reduced
     free = Belt(total / 2.0, total / 2.0, natural**2 * reduced, damping)
-    most = 0.4 / LEVEL  # from 0.5 on the gain is below the level even at zero frequency
-
-    def excess(ground: float) -> float:
-        return bandwidth(free._replace(ground=ground)) - printed.whole
-
-    if excess(0.0) < 0.0 or excess(most) > 0.0:
-        raise ValueError(f"no damping to ground gives a bandwidth of {printed.whole:g} Hz")
-    return free._replace(ground=brentq(excess, 0.0, most))
+    ground = brentq(lambda g: bandwidth(free._replace(ground=g)) - _WHOLE, 0.0, 0.4 / LEVEL)
+    return free._replace(ground=ground)
 
 
-def _gain(belt: Belt, omega: np.ndarray) -> np.ndarray:
+def gain(belt: Belt, omega: np.ndarray) -> np.ndarray:
     """Return |speed of the load / torque| from eqs 1 to 3, the twist eliminated."""
     coupled = np.array([belt.damping, belt.stiffness])
     motor, load = np.array([belt.motor, belt.ground]), np.array([belt.load, belt.ground])
@@ -457,7 +385,7 @@ def _gain(belt: Belt, omega: np.ndarray) -> np.ndarray:
 def draw(result: Result) -> dict[str, Figure]:
     """Draw the inertia ellipses at points of the workspace, seen from above."""
     data = result.data
-    heaviest, module = float(data["heaviest"]), float(data["module_mass"])
+    heaviest, module = result.settings["heaviest"], result.settings["module_mass"]
     kinds = (
         ("shown_bare", COLOURS[0], "arm alone"),
         ("shown_laden", COLOURS[2], f"with the module, {module:g} kg"),

@@ -12,7 +12,7 @@ import functools
 import hashlib
 import math
 import zlib
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from .trials import (
     WAY_S,
     WAYS_OUT,
     AnalyzerTrial,
+    HandTrial,
     MotionTrial,
     NotPossible,
     OnProgress,
@@ -60,6 +61,7 @@ from .vertical_loop import (
     run_ticks,
 )
 
+LoopTrial = TorqueTrial | StageTrial | MotionTrial
 ZERO_S = 0.5  # over which the transducer's zero is averaged
 _SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 _CHUNK = 100_000  # ticks between two reports of progress
@@ -103,7 +105,7 @@ class InProcessBench:
         self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one bench each for many trials."""
         return _bench_of_process, (self.world, self.loop, self.seed)
 
@@ -113,46 +115,53 @@ class InProcessBench:
             return analyzer_samples(self.world, trial)
         if isinstance(trial, PlanarTrial):
             return plane_samples(self.world, trial, on_progress)
-        params = self._params(trial)
+        hand, motion = _hand_in(trial)
+        params = self._params(motion)
         state = self._start(trial, params)
         force, torque, state = self._zero(params, state)
         params = tared(params, force, torque)
-        state = self._placed(trial, state)
-        if isinstance(trial, MotionTrial):
+        state = self._placed(motion, state)
+        if hand:
+            plant = params.plant._replace(grip=hand.grip)
+            params = params._replace(plant=plant, path=hand.before)
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
-            params = params._replace(path=hand_path(trial))
-        rows, state = self._moved(trial, params, state, on_progress)
+            params = params._replace(path=hand.path)
+        rows, state = self._moved(length_of(trial), hand, params, state, on_progress)
         force, torque, _ = self._zero(params, state)
         return samples_of(rows, params, force, torque)
 
     def _moved(
-        self, trial: Trial, params: LoopParams, state: LoopState, on_progress: OnProgress
-    ) -> tuple[np.ndarray, LoopState]:
-        """Return the samples of the trial; the hand lets go between two samples."""
-        length = length_of(trial)
-        held = min(length, getattr(trial, "released_after", math.inf))
-        rows, state = self._ticks(params, state, held, on_progress)
-        if held == length:
+        self, length: float, hand: HandTrial | None, params: LoopParams, state: LoopState,
+        on_progress: OnProgress,
+    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
+        """Return the samples; the hand lets go, or the mode changes, between two of them."""
+        until, later = length, params
+        if hand and hand.motion.released_after < until:
+            until, later = hand.motion.released_after, params._replace(fixture=FREE)
+        if hand and hand.switched_after < until:
+            until, later = hand.switched_after, params._replace(mode=hand.then_mode)
+        rows, state = self._ticks(params, state, until, on_progress)
+        if until == length:
             return rows, state
-        loose, state = self._ticks(params._replace(fixture=FREE), state, length - held, on_progress)
-        return np.concatenate((rows, loose)), state
+        changed, state = self._ticks(later, state, length - until, on_progress)
+        return np.concatenate((rows, changed)), state
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return the transducer's reading without load, a mean of half a second."""
-        own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
+        own, noise = sensor_params(self.world.sensor, self.seed), list(seeded(self.seed))
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
             shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
-    def _params(self, trial: Trial) -> LoopParams:
+    def _params(self, trial: LoopTrial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
-        if getattr(trial, "changed", 0):
+        if isinstance(trial, MotionTrial) and trial.changed:
             w = changed_later(w, trial.changed)
-        if getattr(trial, "preloaded", False):
+        if isinstance(trial, MotionTrial) and trial.preloaded:
             w = w._replace(vertical=w.vertical._replace(play=0.0))
         substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep
         steps = round(1.0 / rate / substep)
@@ -164,7 +173,7 @@ class InProcessBench:
         arm = HumanArm("active", *trial.arm, 0.0) if isinstance(trial, MotionTrial) else w.arm
         plant = vertical_params(
             w.vertical, w.friction, w.amplifier, w.transducer,
-            arm_force(arm, w.vertical.gravity), substep, w.sensor.bandwidth,
+            arm_force(arm, w.vertical.gravity), substep, w.sensor.bandwidth, w.sensor.hysteresis,
         )  # fmt: skip
         quiet = LoopParams(
             plant=plant,
@@ -192,6 +201,7 @@ class InProcessBench:
             upright=1.0,
             stage_speed=0.0,
             stage_target=0.0,
+            counts=w.start.counts_per_turn,
         )
         return asked_for(quiet, trial, self._thesis)
 
@@ -263,7 +273,7 @@ def hash_of(*settings: tuple) -> str:
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
-def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
+def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> LoopParams:
     """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
     if isinstance(trial, TorqueTrial):
         return quiet._replace(
@@ -294,11 +304,20 @@ def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopPar
     )
 
 
-def hand_path(trial: MotionTrial) -> HandPath:
-    """Return the path of the virtual hand during the excitation."""
+def _hand_in(
+    trial: TorqueTrial | StageTrial | MotionTrial | HandTrial,
+) -> tuple[HandTrial | None, TorqueTrial | StageTrial | MotionTrial]:
+    """Return what the hand does in a trial, None where there is none, and the trial itself."""
+    if isinstance(trial, HandTrial):
+        return trial, trial.motion
+    return (_hand_of(trial) if isinstance(trial, MotionTrial) else None), trial
+
+
+def _hand_of(trial: MotionTrial) -> HandTrial:
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
-    return HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
+    path = HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
+    return HandTrial(trial, resting(c), path)
 
 
 def length_of(trial: Trial) -> float:

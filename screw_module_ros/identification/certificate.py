@@ -14,7 +14,8 @@ import yaml
 
 from ..calibration.certificate import FORMAT, Conditions, text_checksum
 from ..control.vertical_settings import VerticalSettings
-from ..settings import VERSION, fields
+from ..settings import fields
+from ..settings_file import VERSION
 from . import stability
 from .lab import Lab, MissingResult
 from .results import Quantity, Result

@@ -10,7 +10,8 @@ A.2). Case 2: they are grounded. Case 3: a spring k3 connects them to ground as 
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ from scipy import linalg, signal
 from scipy.optimize import brentq
 
 from ..figure_style import COLOURS, DESIRED
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import screw_geometry
 from .figures import axes_for
 from .lab import Lab
@@ -39,7 +40,7 @@ THESIS = {
 }  # fmt: skip
 _FASTEST = 1.0  # m/s, the module's highest speed (thesis A.1.1)
 _PRINTED_DIP = 200.0  # rad/s (thesis A.4)
-_LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 _CANDIDATES = {
     "grooved": "15.9 mm, grooved",
     "outer": "15.9 mm, solid",
@@ -70,41 +71,32 @@ class Settings(NamedTuple):
     case3_top: Annotated[float, Setting("k1 of case 3", "N/m", 1e2, 1e12)] = 3e6
     case3_bottom: Annotated[float, Setting("k2 of case 3", "N/m", 1e2, 1e12)] = 3e6
     case3_ground: Annotated[float, Setting("k3 of case 3", "N/m", 1e2, 1e12)] = 3e6
-    damping_top: Annotated[float, Setting("b1 of case 3", "N s/m", 0.0, 1e6)] = 0.0
-    damping_bottom: Annotated[float, Setting("b2 of case 3", "N s/m", 0.0, 1e6)] = 0.0
-    damping_ground: Annotated[float, Setting("b3 of case 3", "N s/m", 0.0, 1e6)] = 0.0
     case3_nut: Annotated[float, Setting("z of case 3", "m", -1.0, 1.0)] = 0.0
     wanted: Annotated[float, Setting("required natural frequency", "Hz", 1.0, 1e5)] = 500.0
 
 
-class Profile(NamedTuple):
-    """Inertia about the nut [kg m^2] and natural frequency [Hz], one per position of the nut."""
-
-    inertia: np.ndarray
-    frequency: np.ndarray
+Profile = tuple[np.ndarray, np.ndarray]
+"""Inertia about the nut [kg m^2] and natural frequency [Hz], one per position of the nut."""
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Evaluate the three cases. Raises ValueError for settings out of range."""
-    validated(settings)
+    """Evaluate the three cases. Raises ValueError if no l1 gives the wanted frequency."""
     screws = candidates(settings.inertia_across, settings.density)
     z = positions(settings)
-    profiles1 = {name: case1(screw, z, settings) for name, screw in screws.items()}
-    profiles2 = {name: case2(screw, z, settings) for name, screw in screws.items()}
+    free = [case1(screw, z, settings) for screw in screws.values()]
+    grounded = [case2(screw, z, settings) for screw in screws.values()]
     systems = {name: absorber(screw, settings) for name, screw in screws.items()}
     omega = np.geomspace(1e2, 2e4, 4000)
     data = {
         "nut": z,
         "screws": np.array(list(screws)),
-        "screw": np.array(settings.screw),
-        "wanted": np.array(settings.wanted),
-        "case1_inertia": np.array([p.inertia for p in profiles1.values()]),
-        "case1_frequency": np.array([p.frequency for p in profiles1.values()]),
-        "case2_frequency": np.array([p.frequency for p in profiles2.values()]),
+        "case1_inertia": np.array([inertia for inertia, _ in free]),
+        "case1_frequency": np.array([frequency for _, frequency in free]),
+        "case2_frequency": np.array([frequency for _, frequency in grounded]),
         "omega": omega,
         "case3_response": response(systems[settings.screw], omega),
-        "case3_resonances": np.array([_two(resonances(s)) for s in systems.values()]),
-        "case3_antiresonance": np.array([_two(antiresonances(s))[0] for s in systems.values()]),
+        "case3_resonances": np.array([resonances(s) for s in systems.values()]),
+        "case3_antiresonance": np.array([antiresonance(s) for s in systems.values()]),
     }
     half_length = half_length_for(settings)
     return Result(
@@ -119,39 +111,32 @@ def run(lab: Lab, settings: Settings) -> Result:
 def profile(
     screw: Bar, z: np.ndarray, k1: float, k2: float, top_mass: float = 0.0, distance: float = 0.0
 ) -> Profile:
-    """Evaluate eqs A.1 and A.2 without damping, with the nut at z [m].
+    """Return eqs A.1 and A.2 without damping, with the nut at z [m].
 
     k1, k2 [N/m]; top_mass [kg] at `distance` [m] above the screw's centre.
     """
     inertia = _across(screw) + screw.mass * z**2 + top_mass * (distance - z) ** 2
     stiffness = k1 * (screw.half_length - z) ** 2 + k2 * (screw.half_length + z) ** 2
-    return Profile(inertia, np.sqrt(stiffness / inertia) / (2.0 * math.pi))
+    return inertia, np.sqrt(stiffness / inertia) / (2.0 * math.pi)
 
 
 def absorber(screw: Bar, settings: Settings) -> signal.StateSpace:
     """Return case 3: torque on the screw about the nut [Nm] -> its angular velocity [rad/s].
 
     States: angular velocity, velocity of the top mass, forces in k1, k2, k3. Derived from the force
-    balance of both masses. Eq A.3 in our text lacks a square in its first and b1 in its second
-    element, and its inertia is that about the nut only at z = 0.
+    balance of both masses, without damping as in the thesis. Eq A.3 in our text lacks a square in
+    its first and b1 in its second element, and its inertia is that about the nut only at z = 0.
     """
     up = screw.half_length - settings.case3_nut
     down = screw.half_length + settings.case3_nut
-    inertia = _across(screw) + screw.mass * settings.case3_nut**2
-    mass, b1, b2, b3 = (
-        settings.top_mass,
-        settings.damping_top,
-        settings.damping_bottom,
-        settings.damping_ground,
-    )
+    inertia, mass = _across(screw) + screw.mass * settings.case3_nut**2, settings.top_mass
     a = [
-        [-(b1 * up**2 + b2 * down**2) / inertia, b1 * up / inertia,
-         -up / inertia, -down / inertia, 0.0],
-        [b1 * up / mass, -(b1 + b3) / mass, 1.0 / mass, 0.0, -1.0 / mass],
+        [0.0, 0.0, -up / inertia, -down / inertia, 0.0],
+        [0.0, 0.0, 1.0 / mass, 0.0, -1.0 / mass],
         [settings.case3_top * up, -settings.case3_top, 0.0, 0.0, 0.0],
         [settings.case3_bottom * down, 0.0, 0.0, 0.0, 0.0],
         [0.0, settings.case3_ground, 0.0, 0.0, 0.0],
-    ]  # fmt: skip
+    ]
     b = [[1.0 / inertia], [0.0], [0.0], [0.0], [0.0]]
     return signal.StateSpace(a, b, [[1.0, 0.0, 0.0, 0.0, 0.0]], [[0.0]])
 
@@ -161,9 +146,9 @@ def resonances(system: signal.StateSpace) -> np.ndarray:
     return _oscillating(linalg.eigvals(system.A))
 
 
-def antiresonances(system: signal.StateSpace) -> np.ndarray:
-    """Return the frequencies of its oscillating zeros, ascending [rad/s]."""
-    return _oscillating(_zeros(system))
+def antiresonance(system: signal.StateSpace) -> float:
+    """Return the frequency of its oscillating zero [rad/s]."""
+    return float(_oscillating(_zeros(system))[0])
 
 
 def response(system: signal.StateSpace, omega: np.ndarray) -> np.ndarray:
@@ -185,7 +170,7 @@ def half_length_for(settings: Settings) -> float:
 
     def excess(half: float) -> float:
         thin = Bar(3.0 * settings.inertia_across / half**2, 2.0 * half, 0.0)
-        return float(case1(thin, z, settings).frequency.min()) - settings.wanted
+        return float(case1(thin, z, settings)[1].min()) - settings.wanted
 
     low, high = settings.travel / 2.0, 1.0
     if excess(low) * excess(high) > 0.0:
@@ -233,13 +218,8 @@ def _oscillating(roots: np.ndarray) -> np.ndarray:
     return np.sort(np.abs(roots[roots.imag > 1e-6 * scale]))
 
 
-def _two(values: np.ndarray) -> np.ndarray:
-    """Return the first two values, NaN for missing ones: damping can remove some."""
-    return np.append(values, [np.nan, np.nan])[:2]
-
-
 def _quantities(
-    settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
+    settings: Settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
 ) -> tuple[Quantity, ...]:
     """Return the experiment's quantities; `half_length`: l1 for the required frequency [m].
 
@@ -252,20 +232,18 @@ def _quantities(
     least = first.min(1)
     low, high = data["case3_resonances"].T
 
-    def of(name: str, values, unit: str, text: str) -> Quantity:
+    def of(name: str, values: Sequence[float] | np.ndarray, unit: str, text: str) -> Quantity:
         values = np.asarray(values, float)
         return Quantity(name, float(values[at]), float(values.std(ddof=1)), unit, text)
 
-    def all_bars(function) -> list[float]:
-        return [function(screw) for screw in screws.values()]
-
+    bars = screws.values()
     softest = settings.case2_top * (settings.wanted / second.min(1)) ** 2
     fixed = (
-        of("screw_mass", all_bars(lambda s: s.mass), "kg", "mass of the screw, derived"),
-        of("screw_length", all_bars(lambda s: s.length), "m", "length of the screw, derived"),
-        of("half_length", all_bars(lambda s: s.half_length), "m",
+        of("screw_mass", [bar.mass for bar in bars], "kg", "mass of the screw, derived"),
+        of("screw_length", [bar.length for bar in bars], "m", "length of the screw, derived"),
+        of("half_length", [bar.half_length for bar in bars], "m",
            "l1, centre of the screw to either bearing, derived"),
-        of("screw_reflected_mass", all_bars(Bar.reflected), "kg",
+        of("screw_reflected_mass", [bar.reflected() for bar in bars], "kg",
            "mass the screw's rotation reflects to the handle (Table 5.1: 3.25 kg)"),
         Quantity("half_length_wanted", half_length, math.nan, "m",
                  f"l1 at which case 1 has just {settings.wanted:g} Hz at its worst position"),
@@ -303,9 +281,8 @@ def _quantities(
 
 
 def _notes(
-    settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
+    settings: Settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
 ) -> tuple[str, ...]:
-    """Return the notes for the report; `half_length`: l1 for the required frequency [m]."""
     lines = [
         f"screw '{name}' ({DESCRIPTIONS[name]}): {screw.mass:.3f} kg, {screw.length:.4f} m, "
         f"diameter of the equal cylinder {1e3 * screw.diameter:.2f} mm, reflects "
@@ -359,7 +336,7 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
     Frequencies with one line per candidate for the screw; the inertias can hardly be distinguished.
     """
     figure, axes = axes_for("nut above the centre of the screw [m]", label, title)
-    taken = str(result.data["screw"])
+    taken = result.settings["screw"]
     for number, screw in enumerate(result.data["screws"]):
         main = screw == taken
         if not main and not name.endswith("frequency"):
@@ -373,7 +350,7 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
             label="screw " + _CANDIDATES[str(screw)] + (" (taken)" if main else ""),
         )
     if name.endswith("frequency"):
-        wanted = float(result.data["wanted"])
+        wanted = result.settings["wanted"]
         axes.axhline(wanted, label=f"wanted: {wanted:g} Hz", **_LIMIT)
     else:
         axes.set_ylim(bottom=0.0)
@@ -384,7 +361,7 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
 def _absorber(result: Result) -> Figure:
     """Draw magnitude and phase of velocity over torque with the tuned vibration absorber."""
     omega, response = result.data["omega"], result.data["case3_response"]
-    at = list(result.data["screws"]).index(str(result.data["screw"]))
+    at = list(result.data["screws"]).index(result.settings["screw"])
     dip = float(result.data["case3_antiresonance"][at])
     figure = Figure(figsize=(7.2, 5.4), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -406,17 +383,11 @@ def _absorber(result: Result) -> Figure:
 
 
 def _mark(axes: Axes, omega: float, text: str, height: float, side: str) -> None:
-    """Label a frequency; side: of the text that touches it. A NaN has no label."""
-    if np.isfinite(omega):
-        axes.annotate(
-            text,
-            xy=(omega, height),
-            xycoords=axes.get_xaxis_transform(),
-            xytext=(6 if side == "left" else -6, 0),
-            textcoords="offset points",
-            ha=side,
-            fontsize=9,
-        )
+    """Label a frequency; side: of the text that touches it."""
+    axes.annotate(
+        text, (omega, height), xycoords=axes.get_xaxis_transform(), fontsize=9, ha=side,
+        xytext=(6 if side == "left" else -6, 0), textcoords="offset points",
+    )  # fmt: skip
 
 
 EXPERIMENT = Experiment(

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..settings import Setting, validated
+from ..settings import Setting
 from .lab import Lab
 from .results import (
     DERIVED,
@@ -60,6 +60,8 @@ PRINTED = {
 TRANSLATING = ("bearing_carriage", "nut", "mounting_bracket", "force_transducer")
 _ROUNDING = 0.01 / math.sqrt(12.0)  # of a mass printed to 0.01 kg, one standard deviation
 _GRAVITY = 9.81
+Masses = dict[str, float]
+"""Masses by component, or by candidate for the screw [kg]."""
 
 
 class Settings(NamedTuple):
@@ -79,8 +81,7 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Sum the table as printed and as computed. Raises ValueError for settings out of range."""
-    validated(settings)
+    """Sum the table as printed and as computed."""
     screws = candidates(settings.inertia_across, settings.density)
     reflected = {name: screw.reflected(settings.lead) for name, screw in screws.items()}
     rotor = reflected_mass(settings.rotor_inertia, settings.lead)
@@ -103,7 +104,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     )
 
 
-def _quantities(settings, ours, reflected, sums) -> tuple[Quantity, ...]:
+def _quantities(
+    settings: Settings, ours: Masses, reflected: Masses, sums: Masses
+) -> tuple[Quantity, ...]:
     spread = float(np.std(list(reflected.values()), ddof=1))
     errors = dict.fromkeys(PRINTED, _ROUNDING) | {"motor_rotor": math.nan, "screw": spread}
     parts = tuple(
@@ -150,7 +153,7 @@ def _remark(name: str) -> str:
     return text.get(name, f"{plain}, as printed (Table 5.1: {PRINTED[name]:.2f} kg)")
 
 
-def _notes(settings: Settings, screws: dict[str, Bar], sums) -> tuple[str, ...]:
+def _notes(settings: Settings, screws: dict[str, Bar], sums: Masses) -> tuple[str, ...]:
     each = "; ".join(
         f"'{name}' reflects {screw.reflected(settings.lead):.2f} kg, sum {sums[name]:.2f} kg"
         for name, screw in screws.items()

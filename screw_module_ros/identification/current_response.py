@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -15,13 +14,13 @@ from .figures import bode
 from .lab import Lab
 from .results import LOCKED_ROTOR, Experiment, Published, Quantity, Result, beside
 from .sampled import (
-    Chain,
     current_part,
     current_sensor,
     first_order,
     fit_response,
     held_twice_response,
     known_amplifier,
+    model_of,
     sampled_response,
     series,
     sweep_of,
@@ -43,7 +42,9 @@ class Settings(NamedTuple):
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
-    count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 3, 400)] = 40
+    count: Annotated[
+        int, Setting("frequencies, evenly on a log scale", "", 4, 400)
+    ] = 40  # type: ignore[assignment]  # hides the tuple's method
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     torque_constant: Annotated[
@@ -65,14 +66,16 @@ def run(lab: Lab, settings: Settings) -> Result:
     frequencies = np.geomspace(settings.low, settings.high, settings.count)
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
     trials = torque_sweep(frequencies, trial, settings.cycles, "current")
-    sweep = sweep_of(lab.record(NAME, trials, current_part))
+    values, errors = sweep_of(lab.record(NAME, trials, current_part))
     amplifier = known_amplifier(lab, settings.pole, settings.delay)
     chain = series(first_order(amplifier.pole), current_sensor())
     per_ampere = settings.torque_constant / chain.gain  # V/Nm to amperes seen per ampere commanded
-    measured = sweep.values * per_ampere
+    measured = values * per_ampere
     chain = chain._replace(gain=1.0)
-    exact = _model(sampled_response, chain, frequencies, lab.rate, amplifier.delay)
-    drawn = _model(held_twice_response, chain, frequencies, lab.rate, amplifier.delay)
+    exact, drawn = (
+        model_of(kind, lambda: chain, frequencies, lab.rate, amplifier.delay)
+        for kind in (sampled_response, held_twice_response)
+    )
     fit = fit_response(exact, measured, (1.0, 2e-4), (0.1, 0.0), (10.0, 4.0 / lab.rate))
     other = fit_response(drawn, measured, (1.0, 2e-4), (0.1, -1e-3), (10.0, 4.0 / lab.rate))
     gain, delay = map(float, fit.values)
@@ -89,7 +92,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     data = {
         "frequency": frequencies,
         "measured": measured,
-        "error": sweep.errors * abs(per_ampere),
+        "error": errors * abs(per_ampere),
         "model": exact(fit.values),
         "model_no_delay": exact(np.array([gain, 0.0])),
     }
@@ -102,21 +105,6 @@ def run(lab: Lab, settings: Settings) -> Result:
         "the standard errors are smaller than in a laboratory.",
     )
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, data)
-
-
-def _model(
-    kind: Callable, chain: Chain, frequencies: np.ndarray, rate: float, known: float
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the response as a function of gain and software delay.
-
-    kind: of `sampled`; known: delay of the amplifier [s].
-    """
-
-    def model(numbers: np.ndarray) -> np.ndarray:
-        gain, delay = numbers
-        return gain * kind(chain, frequencies, rate, known + delay)
-
-    return model
 
 
 def draw(result: Result) -> dict[str, Figure]:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import certificate, force_error
 from .figures import error_map
 from .force_error import with_damping
@@ -56,10 +56,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Measure every mode; write the certificate into the lab's folder.
 
     Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. The trials at rest
-    need the true force of a simulated module. Raises ValueError for settings out of range,
-    Cancelled, NotPossible.
+    need the true force of a simulated module. Raises ValueError, Cancelled, NotPossible.
     """
-    validated(settings)
     serial = certificate.own_serial(lab, settings.serial)
     usual = law_of(lab)._replace(stiffness=settings.stiffness)
     names = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
@@ -143,7 +141,7 @@ def _at_rest(lab: Lab, usual: VerticalSettings, names: dict[int, str]) -> list[Q
     """Return force error and travel of the trials at rest in each mode."""
     trials = {
         force_error.name_of(mode, case): force_error.trial_of(
-            force_error.case_of(case), mode, with_damping(usual, mode)
+            case, mode, with_damping(usual, mode)
         )
         for mode in names
         for case in RESTS.values()
@@ -153,7 +151,7 @@ def _at_rest(lab: Lab, usual: VerticalSettings, names: dict[int, str]) -> list[Q
     for name in names.values():
         for rest, case in RESTS.items():
             rms, travel = (float(parts[f"{name}_{case}"][key]) for key in ("rms", "travel"))
-            text = f"{force_error.case_of(case).text}, {name}"
+            text = f"{force_error.CASES[case].text}, {name}"
             found += [
                 Quantity(f"{rest}_{name}", rms, math.nan, "N", f"rms force error, {text}"),
                 Quantity(f"{rest}_travel_{name}", travel, math.nan, "m",
@@ -192,8 +190,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     period = samples.time[1] - samples.time[0]
     count = round(2.0 * math.pi * _CYCLES / trial.omega / period)
     turning = np.exp(-1j * trial.omega * samples.time[-count:])
-    force = samples.force if samples.true_force is None else samples.true_force
-    position = samples.position if samples.handle is None else samples.handle
+    position, _, force = samples.felt
     swing = position[-count:] - position[-count:].mean()
     moved = (turning * swing).sum()
     if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..settings import parse, read
+from ..settings import read
+from ..settings_file import parse
 from . import (
     amplifier_response,
     back_drive,
     calibration,
-    compensation,
     compliant_mounting,
     component_masses,
     current_response,
@@ -25,7 +25,6 @@ from . import (
     inertia,
     planar_error,
     repeatability,
-    robustness,
     stability,
     static_torque,
     torque_response,
@@ -33,12 +32,16 @@ from . import (
 from .results import Experiment
 
 EXPERIMENTS: dict[str, Experiment] = {
-    module.NAME: module.EXPERIMENT
-    for module in (
-        static_torque, amplifier_response, current_response, torque_response, friction_spectrum,
-        friction_map, gravity, friction_model, repeatability, inertia, force_position, force_gain,
-        force_error, planar_error, stability, delivered_impedance, compensation, robustness,
-        calibration, compliant_mounting, component_masses, back_drive,
+    experiment.name: experiment
+    for experiment in (
+        static_torque.EXPERIMENT, amplifier_response.EXPERIMENT, current_response.EXPERIMENT,
+        torque_response.EXPERIMENT, friction_spectrum.EXPERIMENT, friction_map.EXPERIMENT,
+        gravity.EXPERIMENT, friction_model.EXPERIMENT, repeatability.EXPERIMENT,
+        inertia.EXPERIMENT, force_position.EXPERIMENT, force_gain.EXPERIMENT,
+        force_error.EXPERIMENT, planar_error.EXPERIMENT, stability.EXPERIMENT,
+        delivered_impedance.EXPERIMENT, force_position.COMPENSATION, force_error.ROBUSTNESS,
+        calibration.EXPERIMENT, compliant_mounting.EXPERIMENT, component_masses.EXPERIMENT,
+        back_drive.EXPERIMENT,
     )
 }  # fmt: skip
 

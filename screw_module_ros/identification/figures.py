@@ -9,7 +9,7 @@ Values that the thesis prints are diamonds or dotted lines, with credit in the l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -56,9 +56,14 @@ def axes_for(x: str, y: str, title: str = "") -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def printed(axes: Axes, x: Sequence[float], y: Sequence[float], what: str, line: bool = False):
+def printed(
+    axes: Axes, x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray, what: str,
+    line: bool = False,
+) -> None:  # fmt: skip
     """Draw values that the thesis prints, with credit; what: and where, for the legend."""
-    style = {"linestyle": ":", "linewidth": 1.8} if line else {"linestyle": "", "marker": "D"}
+    style: dict[str, Any] = (
+        {"linestyle": ":", "linewidth": 1.8} if line else {"linestyle": "", "marker": "D"}
+    )
     axes.plot(
         x, y, color=DESIRED, markerfacecolor="none", zorder=5, label=f"{what} ({CREDIT})", **style
     )

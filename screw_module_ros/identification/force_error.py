@@ -9,22 +9,28 @@ tremor; in motion with a sideways force, which loads the bearing.
 
 On the live graph, where the handle's true motion and force are unknown, encoder and transducer
 replace them. The simulated rig there has no sideways force: `side_force` is 0.
+
+`robustness` measures the modes that use friction model, weight and mass without a calibration, with
+it, and after a change of the calibrated rig. A calibration is valid for the state of the rig at
+that time. Later, grease and wear change the friction, rollers slip to another phase, an operator
+mounts another handle (`plant.settings.changed_later`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..settings import Setting, validated
+from ..settings import Setting
+from . import friction_model, gravity, inertia, static_torque
 from .figures import error_map
 from .force_metric import ErrorOf, judged
-from .lab import Lab, Part, by_name
+from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .trials import Arm, MotionTrial, PlanarTrial, Samples
 
@@ -33,14 +39,12 @@ SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
 _RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
-_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
 _WALL_MASS = 0.0  # a wall does not move
 
 
 class Case(NamedTuple):
-    """One trial of the list. name; text: description; trial: without mode and settings."""
+    """One trial of the list. text: description; trial: without mode and settings."""
 
-    name: str
     text: str
     trial: MotionTrial
 
@@ -50,49 +54,49 @@ def wall(stiffness: float, ratio: float, mass: float = 5.5) -> Arm:
     return Arm(_WALL_MASS, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
 
 
-def _moving(name: str, text: str, amplitude: float, omega: float, duration: float, **more) -> Case:
+def _moving(text: str, amplitude: float, omega: float, duration: float, **more: Any) -> Case:
     trial = MotionTrial(
         modes.OFF, VerticalSettings(), amplitude=amplitude, omega=omega, duration=duration,
         side_force=SIDE_FORCE, **more,
     )  # fmt: skip
-    return Case(name, text, trial)
+    return Case(text, trial)
 
 
-def _resting(name: str, text: str, arm: Arm, **more) -> Case:
+def _resting(text: str, arm: Arm, **more: Any) -> Case:
     trial = MotionTrial(
         modes.OFF, VerticalSettings(), arm=arm, amplitude=0.0, way=0.05, duration=8.0, **more
     )
-    return Case(name, text, trial)
+    return Case(text, trial)
 
 
-CASES = (
-    _moving("slow", "0.15 m at 0.8 rad/s", 0.15, 0.8, 15.8),
-    _moving("fast", "0.10 m at 3 rad/s", 0.10, 3.0, 8.4),
-    _moving("small", "0.03 m at 1.5 rad/s", 0.03, 1.5, 12.6),
-    _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
-    _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
-    _resting("holding", "a hand that holds still 0.05 m off", _HAND),
-    _resting("released", "a hand that holds, and lets go", _HAND, released_after=3.0),
-    _resting("heavy_holding", "an arm of 30 kg that holds still", _HEAVY),
-    *(
-        _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
-                 wall(10.0**power, ratio))
+CASES = {
+    "slow": _moving("0.15 m at 0.8 rad/s", 0.15, 0.8, 15.8),
+    "fast": _moving("0.10 m at 3 rad/s", 0.10, 3.0, 8.4),
+    "small": _moving("0.03 m at 1.5 rad/s", 0.03, 1.5, 12.6),
+    "tremor": _moving("0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
+    "heavy": _moving("an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
+    "holding": _resting("a hand that holds still 0.05 m off", _HAND),
+    "released": _resting("a hand that holds, and lets go", _HAND, released_after=3.0),
+    "heavy_holding": _resting("an arm of 30 kg that holds still", _HEAVY),
+    **{
+        f"wall_1e{power}_{word}": _resting(f"a wall of 1e{power} N/m, {word} damped",
+                                           wall(10.0**power, ratio))
         for power in (3, 4, 5, 6)
         for word, ratio in (("well", _RATIO_GOOD), ("badly", _RATIO_BAD))
-    ),
-)  # fmt: skip
+    },
+}  # fmt: skip
 
 
 class Settings(NamedTuple):
     """Modes, trials, and the law's impedance."""
 
     modes: Annotated[
-        tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
+        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(modes.MODE_NAMES))
     ] = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
          modes.OBSERVER)
-    cases: Annotated[tuple[str, ...], Setting("trials by name", choices=())] = tuple(
-        case.name for case in CASES
-    )
+    cases: Annotated[
+        tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
+    ] = tuple(CASES)
     stiffness: Annotated[float, Setting("of the spring", "N/m", 0.0, 5000.0)] = 100.0
     damping: Annotated[
         float, Setting("of the damper; OBSERVER has at least its minimum", "Ns/m", 0.0, 500.0)
@@ -103,18 +107,19 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure every case in every mode. Raises ValueError for an unknown case, Cancelled."""
-    validated(settings)
-    chosen = [pressed(case_of(name), settings.side_force) for name in settings.cases]
+    """Measure every case in every mode. Raises Cancelled, NotPossible."""
+    law = VerticalSettings(stiffness=settings.stiffness, damping=settings.damping)
     trials, where = {}, {}
     for mode in settings.modes:
-        for case in chosen:
-            name = name_of(mode, case.name)
-            trials[name] = trial_of(case, mode, law_of(settings, mode))
-            where[name] = where_of(mode, case.name)
+        for case in settings.cases:
+            name = name_of(mode, case)
+            trials[name] = trial_of(case, mode, with_damping(law, mode), settings.side_force)
+            where[name] = where_of(mode, case)
     parts = lab.record(NAME, trials, reduced)
     quantities, data = figures_of(parts, where)
     return Result(NAME, quantities, settings._asdict(), _NOTES, data)
+
+
 _NOTES = (
     "Error: the patient's true force minus K (z - z0) + B z' at the true handle, over all samples; "
     "in OBSERVER B is at least the minimum of the mode. Data of each trial: mean, rms, 99th "
@@ -148,13 +153,7 @@ def name_of(mode: int, case: str) -> str:
 
 def where_of(mode: int, case: str) -> str:
     """Return mode and case as text."""
-    return f"{modes.MODE_NAMES[mode].lower()}, {case_of(case).text}"
-
-
-def law_of(settings: Settings, mode: int) -> VerticalSettings:
-    """Return the law's settings in a mode, with at least the mode's least damping."""
-    law = VerticalSettings(stiffness=settings.stiffness, damping=settings.damping)
-    return with_damping(law, mode)
+    return f"{modes.MODE_NAMES[mode].lower()}, {CASES[case].text}"
 
 
 def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
@@ -164,45 +163,27 @@ def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
     return law
 
 
-def case_of(name: str) -> Case:
-    """Return a case by name. Raises ValueError that lists the known names."""
-    return by_name("cases", CASES, name)
+def trial_of(
+    case: str, mode: int, law: VerticalSettings, side_force: float = SIDE_FORCE, **changes: Any
+) -> MotionTrial:
+    """Return one of `CASES` in a mode.
 
-
-def pressed(case: Case, side_force: float) -> Case:
-    """Return the case with another force sideways [N], where it has one at all."""
-    if not case.trial.side_force:
-        return case
-    return case._replace(trial=case.trial._replace(side_force=side_force))
-
-
-def trial_of(case: Case, mode: int, law: VerticalSettings, **changes) -> MotionTrial:
-    """Return one case in a mode; changes: friction, linearization of the module."""
-    return case.trial._replace(mode=mode, settings=law, **changes)
+    side_force: amplitude [N], where the case has one at all; changes: friction, linearization of
+    the module.
+    """
+    trial = CASES[case].trial
+    sideways = side_force if trial.side_force else 0.0
+    return trial._replace(mode=mode, settings=law, side_force=sideways, **changes)
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
-    """Return the figures of `force_metric.judged`.
-
-    Where the true motion of the handle is unknown, the sensors' values at the nut replace it.
-    """
-    first = counted_from(trial)
-    if samples.handle is None:
-        samples = samples._replace(
-            handle=samples.position,
-            handle_velocity=samples.velocity,
-            true_force=samples.force,
-        )
+    """Return the figures of `force_metric.judged`."""
+    period = samples.time[1] - samples.time[0]
+    position, velocity, force = samples.felt
     found = judged(
-        samples.time[1] - samples.time[0],
-        samples.handle - trial.centre,
-        samples.handle_velocity,
-        samples.true_force,
-        samples.share,
-        trial.settings.stiffness,
-        trial.settings.damping,
-        round(first / (samples.time[1] - samples.time[0])),
-    )
+        period, position - trial.centre, velocity, force, samples.share, trial.settings.stiffness,
+        trial.settings.damping, round(counted_from(trial) / period),
+    )  # fmt: skip
     return {name: np.array(value) for name, value in found._asdict().items()}
 
 
@@ -226,4 +207,100 @@ def draw(result: Result) -> dict[str, Figure]:
 EXPERIMENT = Experiment(
     NAME, "force error at the hand in every mode, over all samples, at rest and in motion",
     Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip
+
+
+# Calibrated, and changed since --------------------------------------------------------------
+
+STATES = {
+    "uncalibrated": "not calibrated",
+    "calibrated": "calibrated",
+    "changed": "changed since it was calibrated",
+}
+
+
+class RobustnessSettings(NamedTuple):
+    """Modes, trials, and seed of the change."""
+
+    modes: Annotated[
+        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(modes.MODE_NAMES))
+    ] = (modes.FRICTION_COMPENSATION, modes.COMBINED, modes.OBSERVER)
+    cases: Annotated[tuple[str, ...], Setting("trials by name", choices=tuple(CASES))] = (
+        "slow", "fast", "small", "holding", "released",
+    )  # fmt: skip
+    change: Annotated[int, Setting("seed of the rig's change", "", 1, 2**31 - 1)] = 1
+    states: Annotated[
+        tuple[str, ...], Setting("of the rig", choices=tuple(STATES))
+    ] = tuple(STATES)
+    side_force: Annotated[
+        float, Setting("amplitude of the sideways force during motion", "N", 0.0, 50.0)
+    ] = SIDE_FORCE
+
+
+def run_changed(lab: Lab, settings: RobustnessSettings) -> Result:
+    """Measure every case in every mode and state.
+
+    Data: as in `run`, by mode, case and state. Raises MissingResult without the results of
+    the calibration, NotPossible on a real module, Cancelled.
+    """
+    plain = VerticalSettings()
+    own = plain.calibrated(
+        lab.result(gravity.NAME).value("gravity"), lab.result(inertia.NAME).value("mass")
+    )
+    models = {
+        "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
+        "linearization": static_torque.measured_linearization(lab),
+    }
+    laws: dict[str, tuple[VerticalSettings, dict[str, Any]]] = {
+        "uncalibrated": (plain, {}),
+        "calibrated": (own, models),
+        "changed": (own, {**models, "changed": settings.change}),
+    }
+    trials, where = {}, {}
+    for mode in settings.modes:
+        for case in settings.cases:
+            for state in settings.states:
+                law, more = laws[state]
+                name = f"{name_of(mode, case)}_{state}"
+                law = with_damping(law, mode)
+                trials[name] = trial_of(case, mode, law, settings.side_force, **more)
+                where[name] = f"{where_of(mode, case)}, {STATES[state]}"
+    quantities, data = figures_of(lab.record("robustness", trials, reduced), where)
+    return Result("robustness", quantities, settings._asdict(), _CHANGED, data)
+
+
+_CHANGED = (
+    "Not calibrated: the thesis's friction and dead zone, 10 N of weight, 5.5 kg. Calibrated: "
+    "friction, dead zone, weight and mass identified on this rig.",
+    "Changed: level and phase of the friction, phase of the rollers, weight of the handle and play "
+    "differ from those at the calibration; the transducer was tared again.",
+)
+
+
+def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
+    """Return the rms error [N] in each of `STATES`. Raises KeyError for a trial not measured."""
+    name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
+    uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
+    return uncalibrated, calibrated, changed
+
+
+def draw_changed(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every mode and state in every trial as a map."""
+    cases = list(result.settings["cases"])
+    rows = {
+        f"{modes.MODE_NAMES[mode].lower().replace('_', ' ')}, {state}": [
+            result.value(f"rms_{name_of(mode, case)}_{state}") for case in cases
+        ]
+        for mode in result.settings["modes"]
+        for state in result.settings["states"]
+    }
+    title = "Force error without a calibration, with it, after a change"
+    return {"robustness": error_map(np.array(list(rows.values())), list(rows), cases, title)}
+
+
+ROBUSTNESS = Experiment(
+    "robustness",
+    "force error without a calibration, with it, and after a change of the calibrated rig",
+    RobustnessSettings, run_changed, draw_changed, HUMAN_ARM,
+    ("static_torque", "gravity", "friction_model", "inertia"),
 )  # fmt: skip

@@ -81,7 +81,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         quantities.append(Quantity(name, low, half, "", text))
         table = np.array([(gain, *rows[gain]) for gain in sorted(rows)])
         data[label] = table
-    notes = ()
+    notes: tuple[str, ...] = ()
     if len(data) == 2 and not math.isfinite(quantities[1].uncertainty):
         notes = ("Without backlash no gain up to the law's own limit of 50 chattered.",)
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, data)

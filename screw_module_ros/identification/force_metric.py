@@ -32,20 +32,12 @@ class Spring(NamedTuple):
 
 
 class Offsets(NamedTuple):
-    """Offset from the desired spring while the handle moves.
-
-    mean: mean of its absolute value, both directions [N]; up, down: the same per direction [N].
-    bias_up, bias_down: mean with sign [N], positive if the patient must push up more.
-    samples_up, samples_down: number of samples. A direction without motion has NaN.
-    """
+    """Offset from the desired spring while the handle moves [N]: mean of its absolute value, in
+    both directions, upward, downward. A direction without motion has NaN."""
 
     mean: float
     up: float
     down: float
-    bias_up: float
-    bias_down: float
-    samples_up: int
-    samples_down: int
 
 
 def spring_force(position: np.ndarray, spring: Spring) -> np.ndarray:
@@ -53,46 +45,17 @@ def spring_force(position: np.ndarray, spring: Spring) -> np.ndarray:
     return spring.stiffness * (np.asarray(position) - spring.centre)
 
 
-def offset(position: np.ndarray, force: np.ndarray, spring: Spring) -> np.ndarray:
-    """Return measured minus desired force [N]; position [m] and force [N], one per sample."""
-    return np.asarray(force) - spring_force(position, spring)
-
-
 def offsets(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    force: np.ndarray,
-    spring: Spring,
-    threshold: float = MOTION_THRESHOLD,
+    position: np.ndarray, velocity: np.ndarray, force: np.ndarray, spring: Spring
 ) -> Offsets:
-    """Evaluate the offset where the speed exceeds `threshold` [m/s].
+    """Evaluate the offset where the speed exceeds `MOTION_THRESHOLD`.
 
     position [m], velocity [m/s] and force [N] are samples of the same instants, evenly spaced in
-    time. Raises ValueError when their lengths differ, when a value is not finite, or when the
-    threshold is not positive.
+    time.
     """
-    position, velocity, force = (np.asarray(a, float) for a in (position, velocity, force))
-    if not position.shape == velocity.shape == force.shape or position.ndim != 1:
-        raise ValueError(
-            f"position {position.shape}, velocity {velocity.shape} and force {force.shape} must be "
-            "arrays of one length"
-        )
-    if not threshold > 0.0:
-        raise ValueError(f"threshold = {threshold} m/s: a positive speed is wanted")
-    for name, values in (("position", position), ("velocity", velocity), ("force", force)):
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} holds values that are not finite")
-    beyond = offset(position, force, spring)
-    up, down = beyond[velocity > threshold], beyond[velocity < -threshold]
-    return Offsets(
-        mean=_mean(np.abs(np.concatenate((up, down)))),
-        up=_mean(np.abs(up)),
-        down=_mean(np.abs(down)),
-        bias_up=_mean(up),
-        bias_down=_mean(down),
-        samples_up=len(up),
-        samples_down=len(down),
-    )
+    beyond = np.abs(np.asarray(force, float) - spring_force(position, spring))
+    up, down = beyond[velocity > MOTION_THRESHOLD], beyond[velocity < -MOTION_THRESHOLD]
+    return Offsets(*map(_mean, (np.concatenate((up, down)), up, down)))
 
 
 def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,8 +65,8 @@ def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.
     at 2^32 once; a repeated tick counts once.
     """
     origin = int(first[0]) if len(first) else 0
-    counted = [(np.asarray(a, np.int64) - origin + 2**31) % 2**32 for a in (first, second)]
-    _, in_first, in_second = np.intersect1d(*counted, return_indices=True)
+    a, b = ((np.asarray(ticks, np.int64) - origin + 2**31) % 2**32 for ticks in (first, second))
+    _, in_first, in_second = np.intersect1d(a, b, return_indices=True)
     return in_first, in_second
 
 

@@ -4,12 +4,19 @@
 The hand moves the handle slowly through the commanded spring. The offset is its force minus the
 spring's. Figures 6-1, 6-2 (PD), 6-5 (negative damping), 6-8, 6-9 (friction model), 6-10 (force
 feedback), 6-12, 6-13 (the thesis's simulation).
+
+`compensation` shows what the identified model is worth (6.4.2): the hand moves through the spring
+of 100 N/m as in figure 6-8, once with the thesis's printed model (friction of 5.2.5, 10 N of
+gravity, dead zone of 0.025 Nm) and once with the model identified on this module; also without
+feed-forward, and with additional force feedback (6.4.4). On the nominal simulated module the
+printed model is the plant's own polynomial: what it is worth on a module that it was not made for
+is seen on a perturbed one.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,10 +25,11 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
+from . import friction_model, gravity, static_torque
 from .figures import Trace, axes_for
 from .figures import force_position as loops
 from .force_metric import Spring, offsets
-from .lab import Lab, Part, by_name
+from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
 from .trials import Arm, MotionTrial, Samples
 
@@ -53,7 +61,7 @@ class Curve(NamedTuple):
     simulated: bool = False
 
 
-CURVES = (
+_CURVES = (
     Curve("pd_100", "6-1", modes.IMPEDANCE),
     Curve("pd_1000", "6-2", modes.IMPEDANCE, stiffness=1000.0, firm=True),
     Curve("damping_-25", "6-5", modes.IMPEDANCE, damping=-25.0),
@@ -67,6 +75,7 @@ CURVES = (
     Curve("simulated_pd", "6-12", modes.IMPEDANCE, simulated=True),
     Curve("simulated_feedback_5", "6-13", modes.FORCE_FEEDBACK, gain=5.0, simulated=True),
 )
+CURVES = {curve.name: curve for curve in _CURVES}
 _TITLES = {
     "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),
     "6-2": (("pd_1000",), "Fig. 6-2: PD, 1000 N/m, saturating below"),
@@ -108,24 +117,38 @@ class Settings(NamedTuple):
         float, Setting("of the hand against the spring of 1000 N/m", "N/m", 300.0, 5000.0)
     ] = 2000.0
     curves: Annotated[
-        tuple[str, ...], Setting("names of the curves to measure", choices=())
-    ] = tuple(curve.name for curve in CURVES)
+        tuple[str, ...], Setting("names of the curves to measure", choices=tuple(CURVES))
+    ] = tuple(CURVES)
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure the curves. Raises ValueError for an unknown curve, Cancelled, NotPossible."""
-    chosen = [by_name("curves", CURVES, name) for name in settings.curves]
+    """Measure the curves. Raises Cancelled, NotPossible."""
+    chosen = [CURVES[name] for name in settings.curves]
     trials = {curve.name: trial_of(curve, settings) for curve in chosen}
     parts = lab.record(NAME, trials, reduced)
-    quantities = []
-    for curve in chosen:
-        quantities += _quantities(curve, parts[curve.name])
-    data = {
-        f"{curve.name}/{name}": parts[curve.name][name]
-        for curve in chosen
-        for name in ("position", "velocity", "force")
-    }
-    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(chosen), data)
+    quantities = [
+        _offset(curve.name, parts, f"{curve.name}, fig {curve.figure}" if curve.figure else
+                curve.name) for curve in chosen
+    ]  # fmt: skip
+    notes = _SIMULATED if any(curve.simulated for curve in chosen) else ()
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, _drawn(parts))
+
+
+_SIMULATED = (
+    "Figures 6-12 and 6-13 use the thesis's arm and virtual trajectory, but this plant, which has "
+    "backlash; the thesis's simulation had none.",
+)
+
+
+def _drawn(parts: dict[str, Part]) -> dict[str, np.ndarray]:
+    """Return the curves of the trials, by `NAME/COLUMN`."""
+    return {f"{name}/{column}": part[column] for name, part in parts.items() for column in _COLUMNS}
+
+
+def _offset(name: str, parts: dict[str, Part], label: str) -> Quantity:
+    offset, spread = (float(parts[name][key]) for key in ("offset", "spread"))
+    text = f"mean offset from the spring in motion ({label})"
+    return Quantity(f"offset_{name}", offset, spread, "N", text)
 
 
 def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
@@ -158,10 +181,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
         "velocity": samples.velocity[::_EVERY],
         "force": samples.force[::_EVERY],
         "offset": np.array(found.mean),
-        "up": np.array(found.bias_up),
-        "down": np.array(found.bias_down),
         "spread": np.array(_spread(samples.position[free], samples.force[free], spring)),
-        "largest": np.array(np.abs(samples.velocity).max()),
     }
 
 
@@ -179,36 +199,14 @@ def _spread(position: np.ndarray, force: np.ndarray, spring: Spring) -> float:
     return float(np.std(parts) / math.sqrt(len(parts)))
 
 
-def _quantities(curve: Curve, part: Part) -> list[Quantity]:
-    label = f"{curve.name}, fig {curve.figure}" if curve.figure else curve.name
-    return [
-        Quantity(
-            f"offset_{curve.name}",
-            float(part["offset"]),
-            float(part["spread"]),
-            "N",
-            f"mean offset from the spring in motion ({label})",
-        )
-    ]
-
-
-def _notes(chosen: list[Curve]) -> tuple[str, ...]:
-    if not any(curve.simulated for curve in chosen):
-        return ()
-    return (
-        "Figures 6-12 and 6-13 use the thesis's arm and virtual trajectory, but this plant, which "
-        "has backlash; the thesis's simulation had none.",
-    )
-
-
 def draw(result: Result) -> dict[str, Figure]:
     """Return the figures of the measured curves by number."""
     found = {}
     for number, (names, title) in _TITLES.items():
         measured = [name for name in names if f"{name}/position" in result.data]
         if measured:
-            spring = Spring(_stiffness(measured[0]), result.settings["centre"])
-            traces = [_trace(result, name) for name in measured]
+            spring = Spring(CURVES[measured[0]].stiffness, result.settings["centre"])
+            traces = [_trace(result, name, _LABELS[name]) for name in measured]
             found[number] = loops(traces, spring, title)
     if {"pd_100/position", "friction_model/position"} <= result.data.keys():
         found["6-9"] = _reversal(result)
@@ -219,10 +217,10 @@ def _reversal(result: Result) -> Figure:
     """Draw a close-up of the upper reversal, where feed-forward has no benefit (fig 6-9)."""
     figure, axes = axes_for("handle height z [m]", "force of the patient on the robot [N]",
                             "Fig. 6-9: closeup of the upper reversal")  # fmt: skip
-    for number, name in enumerate(("pd_100", "friction_model")):
-        trace = _trace(result, name)
-        axes.plot(trace.position, trace.force, color=COLOURS[number], label=trace.name)
-    top = max(_trace(result, name).position.max() for name in ("pd_100", "friction_model"))
+    traces = [_trace(result, name, _LABELS[name]) for name in ("pd_100", "friction_model")]
+    for trace, colour in zip(traces, COLOURS, strict=False):
+        axes.plot(trace.position, trace.force, color=colour, label=trace.name)
+    top = max(trace.position.max() for trace in traces)
     ends = np.array([top - 0.03, top + 0.002])
     axes.plot(
         ends, 100.0 * (ends - result.settings["centre"]), color=DESIRED, linestyle=":",
@@ -233,15 +231,83 @@ def _reversal(result: Result) -> Figure:
     return figure
 
 
-def _trace(result: Result, name: str) -> Trace:
-    return Trace(_LABELS[name], *(result.data[f"{name}/{column}"] for column in _COLUMNS))
-
-
-def _stiffness(name: str) -> float:
-    return next(curve.stiffness for curve in CURVES if curve.name == name)
+def _trace(result: Result, name: str, label: str) -> Trace:
+    return Trace(label, *(result.data[f"{name}/{column}"] for column in _COLUMNS))
 
 
 EXPERIMENT = Experiment(
     NAME, "force against position for every controller mode and gain (thesis chapter 6)", Settings,
     run, draw, HUMAN_ARM,
+)  # fmt: skip
+
+
+# What the identified model is worth ---------------------------------------------------------
+
+_MODES = {
+    "pd": modes.IMPEDANCE,
+    "feed_forward": modes.FRICTION_COMPENSATION,
+    "combined": modes.COMBINED,
+}
+_STIFFNESS = 100.0  # [N/m], thesis 6.1
+
+
+class CompensationSettings(NamedTuple):
+    """Motion of the hand, and gains."""
+
+    amplitude: Annotated[float, Setting("of the virtual hand", "m", 0.02, 0.15)] = 0.15
+    omega: Annotated[float, Setting("of the hand", "rad/s", 0.05, 3.0)] = 0.8
+    cycles: Annotated[float, Setting("of the hand", "", 1.0, 20.0)] = 3.0
+    fraction: Annotated[
+        float, Setting("share of the modelled friction that is fed forward", "", 0.0, 1.0)
+    ] = 0.9
+    force_gain: Annotated[float, Setting("of the combined law", "", 0.0, 10.0)] = 5.0
+
+
+def compensate(lab: Lab, settings: CompensationSettings) -> Result:
+    """Measure with both models. Raises MissingResult without the module's results, Cancelled."""
+    identified: dict[str, Any] = {
+        "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
+        "linearization": static_torque.measured_linearization(lab),
+    }
+    own_gravity = lab.result(gravity.NAME).value("gravity")
+    trials: dict[str, MotionTrial] = {}
+    nothing: dict[str, Any] = {}
+    both = (("default", 10.0, nothing), ("identified", own_gravity, identified))
+    for model, weight, options in both:
+        law = VerticalSettings(
+            stiffness=_STIFFNESS, gravity=weight, friction_fraction=settings.fraction,
+            force_gain=settings.force_gain,
+        )  # fmt: skip
+        still = MotionTrial(
+            modes.OFF, law, amplitude=settings.amplitude, omega=settings.omega,
+            duration=settings.cycles * 2.0 * math.pi / settings.omega, **options,
+        )  # fmt: skip
+        trials |= {f"{name}_{model}": still._replace(mode=mode) for name, mode in _MODES.items()}
+    parts = lab.record("compensation", trials, reduced)
+    quantities = [_offset(name, parts, f"{name.replace('_', ', ')} model") for name in parts]
+    before, after = (q for q in quantities if q.name.startswith("offset_feed_forward"))
+    ratio = after.value / before.value
+    error = np.hypot(before.uncertainty / before.value, after.uncertainty / after.value)
+    text = "offset with the identified model over that with the thesis's default"
+    quantities.append(Quantity("ratio", ratio, ratio * float(error), "", text))
+    return Result("compensation", tuple(quantities), settings._asdict(), (), _drawn(parts))
+
+
+def draw_compensation(result: Result) -> dict[str, Figure]:
+    """Draw feed-forward with the thesis's model and with the identified one."""
+    names = {
+        "pd_default": "PD",
+        "feed_forward_default": "thesis's model fed forward",
+        "feed_forward_identified": "identified model fed forward",
+    }
+    traces = [_trace(result, name, label) for name, label in names.items()]
+    return {"compensation": loops(traces, Spring(_STIFFNESS, 0.18),
+                                  "Benefit of the identified model")}  # fmt: skip
+
+
+COMPENSATION = Experiment(
+    "compensation",
+    "benefit of the identified model: feed-forward with it and with the thesis's (6.4.2)",
+    CompensationSettings, compensate, draw_compensation, HUMAN_ARM,
+    ("static_torque", "gravity", "friction_model"),
 )  # fmt: skip

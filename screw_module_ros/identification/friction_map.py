@@ -13,18 +13,17 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 
 from ..calibration.module import thesis_friction
 from ..control.friction import friction_force
 from ..figure_style import COLOURS
-from ..settings import Setting, validated
+from ..settings import Setting
 from .figures import THESIS_RATE, axes_for, filter_figure, printed
 from .lab import Lab
 from .results import STAGE, Experiment, Published, Quantity, Result, beside
-from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, at_least, binned, ends_of, lowpass_taps
+from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, binned, lowpass_taps, stage_run, too_near
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "friction_map"
@@ -63,16 +62,23 @@ class Settings(NamedTuple):
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
 
+    def flaw(self) -> str:
+        """Return what does not fit together."""
+        if sorted(set(self.speeds)) != list(self.speeds) or not self.speeds:
+            return f"speeds = {self.speeds}: must be ascending, without repetition"
+        if unknown := set(self.inverted_speeds) - set(self.speeds):
+            return f"inverted_speeds: {min(unknown):g} m/s is not among the speeds"
+        return too_near(self.low, self.high, 0.03)
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure the maps.
 
     Data: `speeds` [m/s], shape (n,), ascending; `centres` of the bins [mm], (142,); for each of
     `MAPS` the force [N] `NAME`, its standard error [N] `NAME_error` and samples `NAME_count`, all
-    (n, 142), NaN for bins not measured. Raises ValueError for inconsistent settings, and the errors
-    of `Lab.record`.
+    (n, 142), NaN for bins not measured. Raises the errors of `Lab.record`.
     """
-    speeds = _checked(settings)
+    speeds = settings.speeds
     parts = lab.record(NAME, _trials(settings), binned)
     data = {"speeds": np.array(speeds), "centres": CENTRES_MM}
     for name in MAPS:
@@ -130,27 +136,15 @@ def stribeck_velocity(speeds: np.ndarray, friction: np.ndarray) -> tuple[float, 
     return best, float(0.25 * (speeds[at + 1] - speeds[at - 1]))
 
 
-def _checked(settings: Settings) -> tuple[float, ...]:
-    validated(settings)
-    speeds = tuple(float(speed) for speed in settings.speeds)
-    if sorted(set(speeds)) != list(speeds) or not speeds:
-        raise ValueError(f"speeds = {settings.speeds}: must be ascending, without repetition")
-    unknown = [speed for speed in settings.inverted_speeds if speed not in speeds]
-    if unknown:
-        raise ValueError(f"inverted_speeds: {unknown[0]:g} m/s is not among the speeds")
-    at_least(settings.low, settings.high, 0.03)
-    return speeds
-
-
 def _trials(settings: Settings) -> dict[str, StageTrial]:
-    trials = {}
-    for inverted in (False, True):
-        for speed in settings.inverted_speeds if inverted else settings.speeds:
-            for name, sign in DIRECTIONS:
-                ends = ends_of(settings.low, settings.high, sign)
-                trial = StageTrial(sign * float(speed), *ends, upside_down=inverted)
-                trials[_trial_name(name + ("_inverted" if inverted else ""), speed)] = trial
-    return trials
+    return {
+        _trial_name(name + ("_inverted" if inverted else ""), speed): stage_run(
+            sign * float(speed), settings.low, settings.high, inverted
+        )
+        for inverted, speeds in ((False, settings.speeds), (True, settings.inverted_speeds))
+        for speed in speeds
+        for name, sign in DIRECTIONS
+    }
 
 
 def _trial_name(name: str, speed: float) -> str:
@@ -219,27 +213,55 @@ def _notes(data: dict[str, np.ndarray]) -> tuple[str, ...]:
 def draw(result: Result) -> dict[str, Figure]:
     """Return the figures by number; those upside down only if measured."""
     data = result.data
-    found = {"5-9": filter_figure(
-        lowpass_taps(0.025, THESIS_RATE), "Fig. 5-9: optimal low-pass for 25 mm/s"
-    )}
-    numbered = (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17")))
-    for direction, sign, numbers in numbered:
+    taps = lowpass_taps(0.025, THESIS_RATE)
+    found = {"5-9": filter_figure(taps, "Fig. 5-9: optimal low-pass for 25 mm/s")}
+    both = (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17")))
+    for direction, sign, numbers in both:
         for number, place in zip(numbers, _PLACES, strict=True):
             found[number] = _against_speed(data, direction, sign, place, number)
-    found["5-12"] = _along_screw(data, (("up", 1.0, 0.0, "up"),), 0.05, "Fig. 5-12: upward", FORCE)
     found["5-13"] = _all_speeds(data)
     found["5-14"] = _surface(data)
-    found["5-18"] = _along_screw(
-        data, (("down", 1.0, 0.0, "down"),), 0.05, "Fig. 5-18: downward", FORCE
-    )
-    found["5-19"] = _along_screw(
-        data,
-        (("up", 1.0, 0.0, "up"), ("down", -1.0, _DOUBLE_WEIGHT, "down, mirrored, 20 N added")),
-        0.05, "Fig. 5-19: both ways", FORCE,
-    )  # fmt: skip
-    if len(measured(data, "up_inverted")):
-        found.update(_upside_down(data))
-    return found
+    turned = len(measured(data, "up_inverted")) > 0
+    for number, along in _ALONG.items():
+        if turned or not any("inverted" in name for name, *_ in along.curves):
+            found[number] = _along_screw(data, along, number)
+    return {number: found[number] for number in sorted(found, key=lambda one: int(one[2:]))}
+
+
+class _Along(NamedTuple):
+    """A figure over height. title; label of the ordinate; speed [m/s]; curves: map, factor, shift
+    [N], label; upto: greatest height [mm]."""
+
+    title: str
+    label: str
+    speed: float
+    curves: tuple[tuple[str, float, float, str], ...]
+    upto: float = 355.0
+
+
+_ALONG = {
+    "5-12": _Along("upward", FORCE, 0.05, (("up", 1.0, 0.0, "up"),)),
+    "5-18": _Along("downward", FORCE, 0.05, (("down", 1.0, 0.0, "down"),)),
+    "5-19": _Along("both ways", FORCE, 0.05, (
+        ("up", 1.0, 0.0, "up"), ("down", -1.0, _DOUBLE_WEIGHT, "down, mirrored, 20 N added"),
+    )),
+    "5-20": _Along("plus direction", FORCE, _COMPARED, (
+        ("up", 1.0, 0.0, "upright, against gravity"),
+        ("up_inverted", 1.0, _DOUBLE_WEIGHT, "upside down, with gravity, 20 N added"),
+    )),
+    "5-21": _Along("minus direction", MAGNITUDE, _COMPARED, (
+        ("down", -1.0, _DOUBLE_WEIGHT, "upright, with gravity, 20 N added"),
+        ("down_inverted", -1.0, 0.0, "upside down, against gravity"),
+    )),
+    "5-22": _Along("with gravity", "force along the motion [N]", _COMPARED, (
+        ("down", -1.0, 0.0, "upright, minus direction"),
+        ("up_inverted", 1.0, 0.0, "upside down, plus direction"),
+    )),
+    "5-23": _Along("minus direction, lower half", MAGNITUDE, _COMPARED, (
+        ("down", -1.0, 0.0, "upright, with gravity"),
+        ("down_inverted", -1.0, -_DOUBLE_WEIGHT, "upside down, against gravity, 20 N less"),
+    ), 177.5),
+}  # fmt: skip
 
 
 def _against_speed(
@@ -270,26 +292,20 @@ def _against_speed(
     return figure
 
 
-def _along_screw(
-    data: dict[str, np.ndarray],
-    curves: tuple[tuple[str, float, float, str], ...],
-    speed: float,
-    title: str,
-    label: str,
-    upto: float = 355.0,
-) -> Figure:
-    """Draw maps over height at one speed; curves: map, factor, shift [N], label."""
-    shown = data["centres"] <= upto
-    figure, axes = axes_for(HEIGHT, label)
-    for number, (name, factor, shift, text) in enumerate(curves):
-        row = nearest(data, name, speed)
+def _along_screw(data: dict[str, np.ndarray], along: _Along, number: str) -> Figure:
+    """Draw maps over height at one speed."""
+    shown = data["centres"] <= along.upto
+    figure, axes = axes_for(HEIGHT, along.label)
+    for curve, (name, factor, shift, text) in enumerate(along.curves):
+        row = nearest(data, name, along.speed)
         axes.plot(
             data["centres"][shown], factor * data[name][row][shown] + shift,
-            color=COLOURS[2 * number], linestyle=("-", "--")[number % 2], label=text,
+            color=COLOURS[2 * curve], linestyle=("-", "--")[curve % 2], label=text,
         )  # fmt: skip
-    axes.set_xlim(0.0, upto)
-    axes.set_title(f"{title}, {data['speeds'][row] * 1e3:g} mm/s", loc="left")
-    if len(curves) > 1:
+    axes.set_xlim(0.0, along.upto)
+    title = f"Fig. {number}: {along.title}, {data['speeds'][row] * 1e3:g} mm/s"
+    axes.set_title(title, loc="left")
+    if len(along.curves) > 1:
         axes.legend(loc="best")
     return figure
 
@@ -298,18 +314,14 @@ def _all_speeds(data: dict[str, np.ndarray]) -> Figure:
     """Draw force over height upward, one line per speed up to 50 mm/s (fig 5-13)."""
     rows = [row for row in measured(data, "up") if data["speeds"][row] <= _SLOW + 1e-9]
     figure, axes = axes_for(HEIGHT, FORCE, "Fig. 5-13: upward, up to 50 mm/s")
-    _by_speed(axes, data, rows)
-    axes.set_xlim(0.0, 355.0)
-    axes.legend(loc="upper left", ncols=2, title=SPEED)
-    return figure
-
-
-def _by_speed(axes: Axes, data: dict[str, np.ndarray], rows: list[int]) -> None:
     for share, row in zip(np.linspace(0.0, 0.92, len(rows)), rows, strict=True):
         axes.plot(
             data["centres"], data["up"][row], color=colormaps["viridis"](share), linewidth=0.8,
             label=f"{data['speeds'][row] * 1e3:g}",
         )  # fmt: skip
+    axes.set_xlim(0.0, 355.0)
+    axes.legend(loc="upper left", ncols=2, title=SPEED)
+    return figure
 
 
 def _surface(data: dict[str, np.ndarray]) -> Figure:
@@ -326,51 +338,12 @@ def _surface(data: dict[str, np.ndarray]) -> Figure:
     axes.set_xlabel("height z [mm]")
     axes.set_ylabel("speed [mm/s], logarithmic", labelpad=8)
     axes.set_zlabel("force [N]")
-    axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks)))
+    axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks).tolist()))
     axes.yaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
     axes.view_init(elev=28, azim=-125)
     axes.set_box_aspect(None, zoom=0.86)
     axes.set_title("Fig. 5-14: force over height and speed, upward", loc="left")
     return figure
-
-
-def _upside_down(data: dict[str, np.ndarray]) -> dict[str, Figure]:
-    """Draw upright beside upside down (figs 5-20 to 5-23)."""
-    shift = _DOUBLE_WEIGHT
-    return {
-        "5-20": _along_screw(
-            data,
-            (
-                ("up", 1.0, 0.0, "upright, against gravity"),
-                ("up_inverted", 1.0, shift, "upside down, with gravity, 20 N added"),
-            ),
-            _COMPARED, "Fig. 5-20: plus direction", FORCE,
-        ),
-        "5-21": _along_screw(
-            data,
-            (
-                ("down", -1.0, shift, "upright, with gravity, 20 N added"),
-                ("down_inverted", -1.0, 0.0, "upside down, against gravity"),
-            ),
-            _COMPARED, "Fig. 5-21: minus direction", MAGNITUDE,
-        ),
-        "5-22": _along_screw(
-            data,
-            (
-                ("down", -1.0, 0.0, "upright, minus direction"),
-                ("up_inverted", 1.0, 0.0, "upside down, plus direction"),
-            ),
-            _COMPARED, "Fig. 5-22: with gravity", "force along the motion [N]",
-        ),
-        "5-23": _along_screw(
-            data,
-            (
-                ("down", -1.0, 0.0, "upright, with gravity"),
-                ("down_inverted", -1.0, -shift, "upside down, against gravity, 20 N less"),
-            ),
-            _COMPARED, "Fig. 5-23: minus direction, lower half", MAGNITUDE, 177.5,
-        ),
-    }  # fmt: skip
 
 
 EXPERIMENT = Experiment(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fit of the thesis's friction model to the measured maps (thesis 5.2.5, figs 5-24 to 5-30).
 
-`held_force` is the force of 5.2.5 that maintains a speed, gravity included. A `BranchFit` has the
-same degrees of freedom as `FrictionBranch`, with parameters of similar size: Chebyshev coefficients
+`held_force` is the force of 5.2.5 that maintains a speed, gravity included. The fit has the same
+degrees of freedom as a `FrictionBranch`, with parameters of similar size: Chebyshev coefficients
 over the range of heights instead of powers of millimetres, and a speed factor that is one at
 `REFERENCE` and continuous at its knee, so that no parameter is redundant.
 
@@ -26,7 +26,7 @@ from ..calibration.module import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
 from ..figure_style import COLOURS
 from ..geometry import SCREW
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import friction_map, gravity
 from .figures import axes_for, printed
 from .friction_map import FORCE, HEIGHT, SPEED
@@ -47,7 +47,6 @@ THESIS = {
     "flip_down": Published(0.2125, "5.2.5", 0.005, given_to_plant=True),
 }
 WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
-TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
 TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
 REFERENCE = 40.0  # speed with a speed factor of one in a fit [mm/s]
 NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml
@@ -73,30 +72,6 @@ class Settings(NamedTuple):
     ] = 0.1
 
 
-class BranchFit(NamedTuple):
-    """One direction. trend, ripple: Chebyshev coefficients of the friction at `REFERENCE` [N], up
-    the screw positive; flip_below [mm]; exponent; knee [mm/s]; slope [s/mm]."""
-
-    trend: np.ndarray
-    ripple: np.ndarray
-    flip_below: float
-    exponent: float
-    knee: float
-    slope: float
-
-
-class Fitted(NamedTuple):
-    """branches: up and down; phase and its standard error [rad]; low, high: range of heights that
-    was measured in both directions [mm]; cost: half the sum of squared residuals [N^2]."""
-
-    branches: tuple[BranchFit, BranchFit]
-    phase: float
-    phase_error: float
-    low: float
-    high: float
-    cost: float
-
-
 class _Cells(NamedTuple):
     """One direction's measured cells: height [mm], speed [mm/s], friction [N]; trend, ripple: the
     polynomials there, shape (cells, coefficients)."""
@@ -115,18 +90,16 @@ def run(lab: Lab, settings: Settings) -> Result:
     the same down [N], shape (speeds, bins). Raises MissingResult, ValueError for maps with too few
     cells.
     """
-    validated(settings)
     maps, weighed = lab.result(friction_map.NAME).data, lab.result(gravity.NAME)
     weight = weighed.value("gravity")
     speeds, z = maps["speeds"] * 1e3, maps["centres"]
     friction = {"up": maps["up"] - weight, "down": maps["down"] - weight}
-    fitted = fit_maps(z, speeds, friction["up"], friction["down"], settings.flip_gain)
-    model = _model(fitted, speeds, weight, settings)
+    model, error = fit_maps(z, speeds, friction["up"], friction["down"], weight, settings)
     data = {"centres": z, "speeds": speeds, **_as_data(model)}
     for direction, _ in DIRECTIONS:
         data[f"force_{direction}"] = maps[direction]
         data[f"residual_{direction}"] = beyond(model, data, direction)
-    quantities = _quantities(fitted, model, data, weighed.quantity("gravity"), thesis_friction())
+    quantities = _quantities(error, model, data, weighed.quantity("gravity"), thesis_friction())
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(model, data), data)
 
 
@@ -135,24 +108,13 @@ def friction_model_of(result: Result) -> FrictionModel:
     low, high, fastest, ramp, lead, phase, weight = map(float, result.data["common"])
     branches = (
         FrictionBranch(
-            tuple(map(float, result.data[f"{direction}_trend"])),
-            tuple(map(float, result.data[f"{direction}_ripple"])),
+            tuple(result.data[f"{direction}_trend"].tolist()),
+            tuple(result.data[f"{direction}_ripple"].tolist()),
             *map(float, result.data[f"{direction}_shape"]),
         )
         for direction, _ in DIRECTIONS
     )
     return FrictionModel(low, high, fastest, ramp, lead, phase, weight, *branches)
-
-
-def _model(
-    fitted: Fitted, speeds: np.ndarray, weight: float, settings: Settings
-) -> FrictionModel:
-    up, down = (branch_of(b, speeds, fitted.low, fitted.high, weight) for b in fitted.branches)
-    phase = float(np.angle(np.exp(1j * fitted.phase)))
-    ramp, lead = settings.ramp_speed * 1e3, SCREW.lead * 1e3
-    return FrictionModel(
-        fitted.low, fitted.high, float(speeds.max()), ramp, lead, phase, weight, up, down
-    )
 
 
 def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
@@ -183,7 +145,7 @@ def rms(residual: np.ndarray) -> float:
 
 
 def _quantities(
-    fitted: Fitted,
+    phase_error: float,
     model: FrictionModel,
     data: dict[str, np.ndarray],
     weight: Quantity,
@@ -208,7 +170,7 @@ def _quantities(
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
-        Quantity("phase", model.phase_rad, fitted.phase_error, "rad", "phase of the ripple"),
+        Quantity("phase", model.phase_rad, phase_error, "rad", "phase of the ripple"),
     ]
     for direction, _ in DIRECTIONS:
         found += _of_branch(model, data, direction)
@@ -317,28 +279,31 @@ def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) ->
     return line * np.minimum(speed / knee, 1.0) ** exponent
 
 
-def branch_of(
-    fit: BranchFit, speeds: np.ndarray, low: float, high: float, gravity: float
-) -> FrictionBranch:
-    """Return the fit in the form of controller and thesis, with powers of millimetres.
+def _branch(
+    place: np.ndarray, sign: float, flip_below: float, numbers: np.ndarray, speeds: np.ndarray,
+    reach: tuple[float, float], gravity: float,
+) -> FrictionBranch:  # fmt: skip
+    """Return a fit in the form of controller and thesis, with powers of millimetres.
 
-    Its speed factor has a mean of one over `speeds` [mm/s], so that trend and ripple are those of
-    the mean curve, as in the thesis. low, high [mm], gravity [N].
+    place: trend and ripple; sign: of the ripple; flip_below [mm]; numbers: exponent, logarithm of
+    the knee [mm/s], slope [s/mm]; reach: low, high [mm]; gravity [N]. The speed factor has a mean
+    of one over `speeds` [mm/s], so that trend and ripple are those of the mean curve, as in the
+    thesis.
     """
-    shape = (fit.exponent, fit.knee, fit.slope)
-    mean = float(fit_factor(*shape, np.asarray(speeds)).mean())
-    at_knee = float(fit_factor(*shape, np.array([fit.knee]))[0])
-    trend = _powers(fit.trend * mean, low, high, TREND)
+    exponent, knee, slope = float(numbers[0]), float(np.exp(numbers[1])), float(numbers[2])
+    mean = float(fit_factor(exponent, knee, slope, speeds).mean())
+    at_knee = float(fit_factor(exponent, knee, slope, np.array([knee]))[0])
+    trend = _powers(place[:TREND] * mean, *reach, TREND)
     trend[-1] += gravity
     return FrictionBranch(
-        trend=tuple(map(float, trend)),
-        ripple=tuple(map(float, _powers(fit.ripple * mean, low, high, RIPPLE))),
-        flip_below_mm=fit.flip_below,
-        break_speed_mm_s=fit.knee,
-        low_gain=at_knee / mean / fit.knee**fit.exponent,
-        low_exponent=fit.exponent,
-        high_slope=fit.slope / mean,
-        high_offset=(1.0 - fit.slope * REFERENCE) / mean,
+        trend=tuple(trend.tolist()),
+        ripple=tuple(_powers(sign * place[TREND:] * mean, *reach, RIPPLE).tolist()),
+        flip_below_mm=flip_below,
+        break_speed_mm_s=knee,
+        low_gain=at_knee / mean / knee**exponent,
+        low_exponent=exponent,
+        high_slope=slope / mean,
+        high_offset=(1.0 - slope * REFERENCE) / mean,
     )
 
 
@@ -349,13 +314,13 @@ def _powers(coefficients: np.ndarray, low: float, high: float, count: int) -> np
 
 
 def fit_maps(
-    z: np.ndarray, speeds: np.ndarray, up: np.ndarray, down: np.ndarray, flip_gain: float
-) -> Fitted:
-    """Fit both directions together.
+    z: np.ndarray, speeds: np.ndarray, up: np.ndarray, down: np.ndarray, gravity: float,
+    settings: Settings,
+) -> tuple[FrictionModel, float]:  # fmt: skip
+    """Fit both directions together; return the model and the standard error of its phase [rad].
 
     z: bins [mm]; speeds [mm/s]; up, down: friction [N], up the screw positive, (speeds, bins), NaN
-    for cells not measured; flip_gain: least relative reduction of the mean curve's squared error
-    for which a flip is used. Raises ValueError for too few cells.
+    for cells not measured; gravity [N]. Raises ValueError for too few cells.
     """
     low, high = _common_range(z, up, down)
     inside = (z > low) & (z < high)
@@ -366,16 +331,23 @@ def fit_maps(
                 f"the map {direction} has too few cells for the model's form: measure more"
             )
     means = [_cells(z, np.zeros(1), _mean_curve(force)[None, :], low, high) for force in (up, down)]
-    phase, flips = _shape(means, flip_gain)
+    phase, flips = _shape(means, settings.flip_gain)
     cells = [_cells(z, speeds, force, low, high) for force in (up, down)]
     best, found = flips, _refined(cells, flips, phase)
-    for direction, flip in enumerate(flips):
+    for branch, flip in enumerate(flips):
         for near in (flip - BIN_MM, flip + BIN_MM) if flip != NO_FLIP else ():
-            other = (near, best[1]) if direction == 0 else (best[0], near)
+            other = (near, best[1]) if branch == 0 else (best[0], near)
             tried = _refined(cells, other, phase)
             if tried.cost < found.cost:
                 best, found = other, tried
-    return _fitted(cells, best, found, low, high)
+    up_branch, down_branch, phase = _branches(cells, best, found, speeds, (low, high), gravity)
+    spare = max(sum(len(c.force) for c in cells) - 2 * PARAMETERS - 1, 1)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * 2.0 * found.cost / spare
+    model = FrictionModel(
+        low, high, float(speeds.max()), settings.ramp_speed * 1e3, _LEAD, phase, gravity,
+        up_branch, down_branch,
+    )  # fmt: skip
+    return model, float(np.sqrt(covariance[0, 0]))
 
 
 def _common_range(z: np.ndarray, up: np.ndarray, down: np.ndarray) -> tuple[float, float]:
@@ -480,28 +452,26 @@ def _refined(
     return least_squares(beyond, start, bounds=(low, high), x_scale="jac")
 
 
-def _fitted(
-    cells: list[_Cells], flips: tuple[float, float], found: OptimizeResult, low: float, high: float
-) -> Fitted:
-    """Return the fit with the upward ripple's amplitude positive on average.
+def _branches(
+    cells: list[_Cells], flips: tuple[float, float], found: OptimizeResult, speeds: np.ndarray,
+    reach: tuple[float, float], gravity: float,
+) -> tuple[FrictionBranch, FrictionBranch, float]:  # fmt: skip
+    """Return the branches up and down, the upward ripple positive on average, and their phase.
 
     A ripple shifted by half a cycle with negated amplitude is the same ripple.
     """
-    phase = float(found.x[0])
-    branches = []
-    for c, numbers, flip in zip(cells, np.split(found.x[1:], 2), flips, strict=True):
-        place, _ = _place(c, _factor(c, numbers), phase, flip)
-        exponent, log_knee, slope = map(float, numbers)
-        branches.append(
-            BranchFit(place[:TREND], place[TREND:], flip, exponent, float(np.exp(log_knee)), slope)
-        )
-    up, down = branches
-    if float((cells[0].ripple @ up.ripple).mean()) < 0.0:
-        up, down = (branch._replace(ripple=-branch.ripple) for branch in branches)
-        phase += np.pi
-    spare = max(sum(len(c.force) for c in cells) - 2 * PARAMETERS - 1, 1)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * 2.0 * found.cost / spare
-    return Fitted((up, down), phase, float(np.sqrt(covariance[0, 0])), low, high, float(found.cost))
+    phase, numbers = float(found.x[0]), np.split(found.x[1:], 2)
+    up, down = (
+        _place(c, _factor(c, own), phase, flip)[0]
+        for c, own, flip in zip(cells, numbers, flips, strict=True)
+    )
+    sign = -1.0 if float((cells[0].ripple @ up[TREND:]).mean()) < 0.0 else 1.0
+    turned = phase if sign > 0.0 else phase + np.pi
+    return (
+        _branch(up, sign, flips[0], numbers[0], speeds, reach, gravity),
+        _branch(down, sign, flips[1], numbers[1], speeds, reach, gravity),
+        float(np.angle(np.exp(1j * turned))),
+    )
 
 
 def draw(result: Result) -> dict[str, Figure]:

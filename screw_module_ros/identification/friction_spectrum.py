@@ -6,15 +6,16 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import detrend, find_peaks, periodogram
 
 from ..figure_style import COLOURS
-from ..settings import Setting, validated
+from ..settings import Setting
 from .figures import axes_for, printed
 from .lab import Lab, Part
 from .results import STAGE, Experiment, Published, Quantity, Result, beside
-from .stage_runs import at_least, ends_of, period_of, steady_part, turn_rate_hz
+from .stage_runs import period_of, stage_run, steady_part, too_near, turn_rate_hz
 from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
@@ -38,6 +39,10 @@ class Settings(NamedTuple):
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.2)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.1, 0.36)] = 0.36
 
+    def flaw(self) -> str:
+        """Return what is wrong with too short a way."""
+        return too_near(self.low, self.high, 0.08, ": four turns of the screw")
+
 
 class Peak(NamedTuple):
     """A line of the spectrum: frequency [Hz], half of its width [Hz], amplitude [N]."""
@@ -51,14 +56,12 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Find the modes, moving up and down.
 
     Data, per direction: `frequency_up` [Hz], `amplitude_up` [N]; `peaks_up` rows of `Peak`. Raises
-    ValueError for inconsistent settings, and the errors of `Lab.record`.
+    the errors of `Lab.record`.
     """
-    validated(settings)
-    at_least(settings.low, settings.high, 0.08, ": four turns of the screw")
-    trials = {}
-    for direction, sign in DIRECTIONS:
-        ends = ends_of(settings.low, settings.high, sign)
-        trials[direction] = StageTrial(sign * float(settings.speed), *ends)
+    trials = {
+        direction: stage_run(sign * float(settings.speed), settings.low, settings.high)
+        for direction, sign in DIRECTIONS
+    }
     parts = lab.record(NAME, trials, spectrum)
     data, quantities, notes = {}, [], []
     turn = turn_rate_hz(settings.speed)
@@ -82,8 +85,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 def spectrum(trial: StageTrial, samples: Samples) -> Part:
     """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, without trend."""
-    steady = steady_part(trial, samples)
-    force = detrend(samples.force[steady.begin : steady.end])
+    force = detrend(samples.force[steady_part(trial, samples)])
     frequency, power = periodogram(
         force, fs=1.0 / period_of(samples), window="hann", scaling="spectrum"
     )
@@ -152,7 +154,7 @@ def _spectrum(result: Result, upto: float, title: str) -> Figure:
     return figure
 
 
-def _name_lines(axes, result: Result) -> None:
+def _name_lines(axes: Axes, result: Result) -> None:
     peaks = [Peak(*row) for row in result.data["peaks_up"]]
     for name, text in (("screw", "turn of the screw"), ("rollers", "rollers")):
         peak = nearest(peaks, result.value(f"{name}_up"))

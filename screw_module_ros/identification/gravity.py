@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from ..figure_style import COLOURS, DESIRED
 from ..geometry import counts_to_height
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import friction_map
 from .figures import axes_for
 from .lab import Lab, Part
@@ -102,7 +102,6 @@ def run(lab: Lab, settings: Settings) -> Result:
     Quantity `gravity` comes from the play if there is one, else from the maps. Raises
     MissingResult, NotPossible if neither method has its data, and the errors of `Lab.record`.
     """
-    validated(settings)
     maps = lab.result(friction_map.NAME).data
     trials = _trials(settings)
     parts = lab.record(NAME, trials, traced)

@@ -26,7 +26,7 @@ from ..control import modes
 from ..control.friction import FrictionModel
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
-from ..settings import Setting, validated
+from ..settings import Setting
 from . import friction_model
 from .figures import CREDIT, THESIS_RATE, axes_for, filter_figure
 from .friction_model import friction_along
@@ -45,11 +45,8 @@ _REGRESSION_HZ = 100.0  # samples per second in the regression: the signals end 
 _SHOWN = 4  # every n-th sample is kept for the figures
 _STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
 CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
-CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
 _CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
-_LEAST_S = 1.0  # of a record, several periods and the filter's ends
 _EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
-_LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _SCALE = 0.2  # of the force in fig 5-33
 _BEGIN = 2.0  # after the record's beginning [s]
@@ -74,6 +71,12 @@ class Settings(NamedTuple):
         float, Setting("samples below do not count in the ratio", "m/s^2", 1e-4, 50.0)
     ] = 0.0025
     widest_shift: Annotated[float, Setting("largest shift of the curves", "s", 0.0, 0.1)] = 0.030
+
+    def flaw(self) -> str:
+        """Return what is wrong with lists of different lengths, or without an entry."""
+        both = f"amplitudes ({len(self.amplitudes)}) and omegas ({len(self.omegas)})"
+        fits = len(self.amplitudes) == len(self.omegas) > 0
+        return "" if fits else f"{both} must be lists of one length"
 
 
 class Motion(NamedTuple):
@@ -117,8 +120,8 @@ def run(lab: Lab, settings: Settings) -> Result:
 
     Quantity `mass` is by regression, `mass_thesis` by the thesis's ratio. Data: per record n
     `time_n`, `acceleration_n`, `inertial_n` (force minus friction and weight), `ratio_n` (0 for
-    excluded samples); `shifts` [s]. Raises ValueError for inconsistent settings or a handle that
-    hardly moved, MissingResult, and the errors of `Lab.record`.
+    excluded samples); `shifts` [s]. Raises ValueError for a handle that hardly moved,
+    MissingResult, and the errors of `Lab.record`.
     """
     trials = _trials(settings)
     model = friction_model.friction_model_of(lab.result(friction_model.NAME))
@@ -132,6 +135,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     strict = [_ratio(record, settings, _STRICT) for record in records]
     mean, deviation = pooled(ratios)
     strict_mean, strict_deviation = pooled(strict)
+    shifts = np.array([r.shift for r in strict])
     nan = float("nan")
     quantities = (
         Quantity("mass", fit.mass, error, "kg", "mass at the handle, by regression"),
@@ -140,7 +144,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             "mass_thesis_strict", strict_mean, strict_deviation, "kg",
             "the same, accelerations of 2.5 m/s^2 and more",
         ),
-        Quantity("shift", *_shift(strict), "s", "best time shift of the strict ratio"),
+        Quantity("shift", *_mean_and_deviation(shifts), "s", "best time shift of the strict ratio"),
         Quantity("viscous_left", fit.viscous, nan, "N s/m", "viscous friction beyond the model"),
         Quantity("coulomb_left", fit.coulomb, nan, "N", "dry friction beyond the model"),
         Quantity("constant_left", fit.constant, nan, "N", "weight and zero beyond the model"),
@@ -151,7 +155,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             "fastest sample",
         ),
     )  # fmt: skip
-    data = {"shifts": np.array([r.shift for r in strict]), "mass": np.array(fit)}
+    data = {"shifts": shifts, "mass": np.array(fit)}
     for number, ((record, friction), found) in enumerate(zip(records, strict, strict=True)):
         data[f"time_{number}"] = record.time[::_SHOWN]
         data[f"acceleration_{number}"] = record.acceleration[::_SHOWN]
@@ -171,25 +175,16 @@ def pooled(ratios: list[Ratio]) -> tuple[float, float]:
 
     NaN when no record has a usable sample.
     """
-    masses = np.concatenate([r.mass[np.isfinite(r.mass)] for r in ratios])
-    if not len(masses):
-        return float("nan"), float("nan")
-    return float(masses.mean()), float(masses.std())
+    return _mean_and_deviation(np.concatenate([r.mass for r in ratios]))
 
 
-def _shift(ratios: list[Ratio]) -> tuple[float, float]:
-    """Return mean and standard deviation of the shifts [s] of the records that have one."""
-    shifts = [r.shift for r in ratios if np.isfinite(r.shift)]
-    return (float(np.mean(shifts)), float(np.std(shifts))) if shifts else (float("nan"),) * 2
+def _mean_and_deviation(values: np.ndarray) -> tuple[float, float]:
+    """Return both of the finite values, NaN without any."""
+    known = values[np.isfinite(values)]
+    return (float(known.mean()), float(known.std())) if len(known) else (math.nan, math.nan)
 
 
 def _trials(settings: Settings) -> dict[str, MotionTrial]:
-    validated(settings)
-    if len(settings.amplitudes) != len(settings.omegas) or not settings.omegas:
-        raise ValueError(
-            f"amplitudes ({len(settings.amplitudes)}) and omegas ({len(settings.omegas)}) must be "
-            "lists of one length"
-        )
     arm = Arm(
         float(settings.arm_mass), float(settings.arm_stiffness), float(settings.arm_damping)
     )
@@ -241,14 +236,10 @@ def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
     """Differentiate a record as in 5.3.2: centre difference, low-pass, and both again.
 
     time [s], evenly spaced, position [m], force [N]. The result lacks the ends, where the filter
-    has only half of its samples. Raises ValueError for a record that is too short.
+    has only half of its samples.
     """
     period = (time[-1] - time[0]) / (len(time) - 1)
     taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, 1.0 / period)
-    if len(time) * period < _LEAST_S:
-        raise ValueError(
-            f"a record of {len(time) * period:.2g} s is too short: {_LEAST_S:g} s are needed"
-        )
     velocity = zero_phase(_centre_difference(position, period), taps)
     acceleration = zero_phase(_centre_difference(velocity, period), taps)
     smooth = zero_phase(zero_phase(force, taps), taps)
@@ -260,13 +251,6 @@ def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
 def _centre_difference(values: np.ndarray, period: float) -> np.ndarray:
     inner = oaconvolve(values, _CENTRE / period, mode="valid")
     return np.concatenate((inner[:1], inner, inner[-1:]))
-
-
-def usable(
-    velocity: np.ndarray, acceleration: np.ndarray, least_speed: float, least_acceleration: float
-) -> np.ndarray:
-    """Return the mask of samples fast [m/s] and accelerated [m/s^2] enough (5.3.2)."""
-    return (np.abs(velocity) >= least_speed) & (np.abs(acceleration) >= least_acceleration)
 
 
 def ratio(
@@ -287,7 +271,8 @@ def ratio(
     best, least = Ratio(float("nan"), np.full(len(inertial), np.nan)), np.inf
     for shift in range(-widest, widest + 1):
         moved = record.acceleration[widest - shift : len(inertial) - widest - shift]
-        use = usable(record.velocity[middle], moved, least_speed, least_acceleration)
+        fast = np.abs(record.velocity[middle]) >= least_speed
+        use = fast & (np.abs(moved) >= least_acceleration)
         if not use.any():
             continue
         found = inertial[middle][use] / moved[use]
@@ -313,8 +298,8 @@ def regression(
         use = np.flatnonzero(np.abs(record.velocity) >= least_speed)[::every]
         v = record.velocity[use]
         force, held = record.smooth[use], friction[use]
-        load = (np.abs(force) - np.abs(held)) * np.sign(v) * loaded
-        rows.append((record.acceleration[use], v, np.sign(v), np.ones_like(v), load))
+        leaning = (np.abs(force) - np.abs(held)) * np.sign(v) * loaded
+        rows.append((record.acceleration[use], v, np.sign(v), np.ones_like(v), leaning))
         wanted.append(force - held)
     terms, force = np.concatenate(rows, axis=1).T, np.concatenate(wanted)
     if len(force) < 10 * terms.shape[1]:
@@ -324,7 +309,8 @@ def regression(
         lambda x: terms @ x - force, start, jac=lambda x: terms.copy(), loss="soft_l1"
     )
     left = terms @ found.x - force
-    return Regression(*map(float, found.x), float(np.sqrt(np.mean(left**2))))
+    mass, viscous, coulomb, constant, load = map(float, found.x)
+    return Regression(mass, viscous, coulomb, constant, load, float(np.sqrt(np.mean(left**2))))
 
 
 def jackknife(records: list[Record], least_speed: float, every: int) -> float:

@@ -10,33 +10,27 @@ way. With a pool, the trials run in worker processes.
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
+import os
+import signal
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
 from .results import Result, load_result
-from .trials import Bench, Samples, Trial, duration_of, require
+from .trials import AnyTrial, Bench, Samples, duration_of, require
 
 Part = dict[str, np.ndarray]
 """The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
-Reduce = Callable[[Trial, Samples], Part]
+Reduce = Callable[[AnyTrial, Samples], Part]
 """A module-level function, or a `functools.partial` of one: a worker process gets it pickled."""
 Progress = Callable[[str, float, float], None]
 """Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
 `Cancelled`."""
-
-
-class HasName(Protocol):
-    """An entry of a table of cases or curves."""
-
-    name: str
-
-
-Named = TypeVar("Named", bound=HasName)
 
 
 class MissingResult(RuntimeError):
@@ -72,7 +66,7 @@ class Lab:
         return self.bench.rate
 
     def record(
-        self, experiment: str, trials: Mapping[str, Trial], reduce: Reduce
+        self, experiment: str, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial]
     ) -> dict[str, Part]:
         """Do the trials without a stored part; return the parts of all by the trials' names.
 
@@ -113,7 +107,8 @@ class Lab:
             ) from None
 
     def _in_turn(
-        self, trials: Mapping[str, Trial], reduce: Reduce, on_progress: Callable[[float], None]
+        self, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial],
+        on_progress: Callable[[float], None],
     ) -> Iterator[tuple[str, Part]]:
         for name, trial in trials.items():
 
@@ -123,9 +118,10 @@ class Lab:
             yield name, reduce(trial, self.bench.record(trial, on_share))
 
     def _pooled(
-        self, trials: Mapping[str, Trial], reduce: Reduce, on_progress: Any
+        self, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial], on_progress: Any
     ) -> Iterator[tuple[str, Part]]:
         """Do the longest trials first; an error cancels those that wait."""
+        assert self._pool is not None
         ordered = sorted(trials.items(), key=lambda named: -duration_of(named[1]))
         futures: dict[Future, str] = {
             self._pool.submit(reduced, self.bench, trial, reduce): name for name, trial in ordered
@@ -137,7 +133,7 @@ class Lab:
             for future in futures:
                 future.cancel()
 
-    def _file(self, experiment: str, name: str, trial: Trial, reduce: Reduce) -> Path:
+    def _file(self, experiment: str, name: str, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Path:
         function = getattr(reduce, "func", reduce)
         arguments = (getattr(reduce, "args", ()), getattr(reduce, "keywords", {}))
         identity = repr((trial, function.__qualname__, arguments))
@@ -146,7 +142,7 @@ class Lab:
         return self.folder / "parts" / experiment / f"{name}-{digest}.npz"
 
 
-def reduced(bench: Bench, trial: Trial, reduce: Reduce) -> Part:
+def reduced(bench: Bench, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Part:
     """Do a trial and reduce its samples, in a worker process."""
     return reduce(trial, bench.record(trial, lambda share: None))
 
@@ -163,14 +159,18 @@ def _keep(file: Path, part: Part) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     unfinished = file.with_suffix(".unfinished")
     with unfinished.open("wb") as stream:
-        np.savez(stream, **part)
+        np.savez(stream, **dict[str, Any](part))
     unfinished.replace(file)
 
 
-def by_name(what: str, known: Sequence[Named], name: str) -> Named:
-    """Return the one with this name. Raises ValueError with `what` and the known names."""
-    for one in known:
-        if one.name == name:
-            return one
-    names = ", ".join(one.name for one in known)
-    raise ValueError(f"{what}: {name!r} is unknown; known are {names}")
+def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
+    """Return a pool of processes, by default one per available core."""
+    count = workers or len(os.sched_getaffinity(0))
+    return ProcessPoolExecutor(
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare
+    )
+
+
+def _prepare() -> None:
+    """Ignore Ctrl-C; the parent handles it, waits for running trials and ends the pool."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -9,17 +9,17 @@ y and between, holding still, letting go, with an arm of 30 kg, a tremor, and on
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..control.planar_settings import PlanarSettings
-from ..settings import Setting, validated
+from ..settings import Setting
 from .figures import error_map
 from .force_error import counted_from, wall
 from .force_metric import ErrorOf, judged
-from .lab import Lab, Part, by_name
+from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
@@ -32,56 +32,55 @@ _BETWEEN = 0.25 * math.pi
 
 
 class Case(NamedTuple):
-    """One trial of the list. name; text; trial: with the settings to be filled in."""
+    """One trial of the list. text; trial: with the settings to be filled in."""
 
-    name: str
     text: str
     trial: PlanarTrial
 
 
-def _moving(name: str, text: str, amplitude: float, omega: float, seconds: float, **more) -> Case:
+def _moving(text: str, amplitude: float, omega: float, seconds: float, **more: Any) -> Case:
     trial = PlanarTrial(
         PlanarSettings(), amplitude=amplitude, omega=omega, duration=seconds, **more
     )
-    return Case(name, text, trial)
+    return Case(text, trial)
 
 
-def _resting(name: str, text: str, arm: Arm, **more) -> Case:
+def _resting(text: str, arm: Arm, **more: Any) -> Case:
     trial = PlanarTrial(PlanarSettings(), arm=arm, way=0.05, duration=8.0, **more)
-    return Case(name, text, trial)
+    return Case(text, trial)
 
 
-CASES = (
-    _moving("slow_x", "0.10 m at 0.8 rad/s along x", 0.10, 0.8, 7.9),
-    _moving("slow_y", "0.10 m at 0.8 rad/s along y", 0.10, 0.8, 7.9, direction=2.0 * _BETWEEN),
-    _moving("fast_x", "0.08 m at 3 rad/s along x", 0.08, 3.0, 6.3),
-    _moving("fast_y", "0.08 m at 3 rad/s along y", 0.08, 3.0, 6.3, direction=2.0 * _BETWEEN),
-    _moving("fast_between", "0.08 m at 3 rad/s between x and y", 0.08, 3.0, 6.3,
+CASES = {
+    "slow_x": _moving("0.10 m at 0.8 rad/s along x", 0.10, 0.8, 7.9),
+    "slow_y": _moving("0.10 m at 0.8 rad/s along y", 0.10, 0.8, 7.9, direction=2.0 * _BETWEEN),
+    "fast_x": _moving("0.08 m at 3 rad/s along x", 0.08, 3.0, 6.3),
+    "fast_y": _moving("0.08 m at 3 rad/s along y", 0.08, 3.0, 6.3, direction=2.0 * _BETWEEN),
+    "fast_between": _moving("0.08 m at 3 rad/s between x and y", 0.08, 3.0, 6.3,
             direction=_BETWEEN),
-    _moving("small", "0.02 m at 1.5 rad/s between x and y", 0.02, 1.5, 8.4, direction=_BETWEEN),
-    _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
-    _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
-    _resting("holding", "a hand that holds still 0.05 m off", _HAND, direction=_BETWEEN),
-    _resting("released", "a hand that holds, and lets go", _HAND, released_after=3.0,
+    "small": _moving("0.02 m at 1.5 rad/s between x and y", 0.02, 1.5, 8.4, direction=_BETWEEN),
+    "tremor": _moving("0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
+    "heavy": _moving("an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
+    "holding": _resting("a hand that holds still 0.05 m off", _HAND, direction=_BETWEEN),
+    "released": _resting("a hand that holds, and lets go", _HAND, released_after=3.0,
              direction=_BETWEEN),
-    *(
-        _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
-                 wall(10.0**power, ratio, _WALL_MASS))
+    **{
+        f"wall_1e{power}_{word}": _resting(f"a wall of 1e{power} N/m, {word} damped",
+                                           wall(10.0**power, ratio, _WALL_MASS))
         for power in (3, 4, 5, 6)
         for word, ratio in (("well", 0.7), ("badly", 0.02))
-    ),
-)  # fmt: skip
+    },
+}  # fmt: skip
 
 
 class Settings(NamedTuple):
     """What is compensated, and in which trials."""
 
     kinds: Annotated[
-        tuple[str, ...], Setting("what is compensated: none, friction, mass, both", choices=())
+        tuple[str, ...], Setting("what is compensated", choices=KINDS)
     ] = KINDS
-    cases: Annotated[tuple[str, ...], Setting("trials by name", choices=())] = tuple(
-        case.name for case in CASES
-    )
+    cases: Annotated[
+        tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
+    ] = tuple(CASES)
     joint_friction: Annotated[
         float, Setting("friction of each joint that is fed forward", "Nm", 0.0, 1.0)
     ] = 0.24
@@ -95,23 +94,19 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every case with every compensation.
 
-    Raises ValueError for an unknown case or kind, NotPossible on a real robot, Cancelled.
+    Raises NotPossible on a real robot, Cancelled.
     """
-    validated(settings)
-    if strange := set(settings.kinds) - set(KINDS):
-        raise ValueError(f"kinds: {min(strange)!r} is unknown; known are {', '.join(KINDS)}")
-    cases = [case_of(name) for name in settings.cases]
     trials = {
-        (kind, case.name): case.trial._replace(settings=law_of(settings, kind))
+        (kind, case): CASES[case].trial._replace(settings=law_of(settings, kind))
         for kind in settings.kinds
-        for case in cases
+        for case in settings.cases
     }
     named = {"_".join(key): trial for key, trial in trials.items()}
     parts = lab.record(NAME, named, reduced)
     found = {key: error_of(parts["_".join(key)]) for key in trials}
     quantities = [
         Quantity(f"rms_{kind}_{name}", error.rms, math.nan, "N",
-                 f"rms error, compensated: {kind}, {case_of(name).text}")
+                 f"rms error, compensated: {kind}, {CASES[name].text}")
         for (kind, name), error in found.items()
     ]  # fmt: skip
     if {("none", "fast_x"), ("both", "fast_x")} <= set(found):
@@ -141,11 +136,6 @@ def law_of(settings: Settings, kind: str) -> PlanarSettings:
     )
 
 
-def case_of(name: str) -> Case:
-    """Return a case by name. Raises ValueError that lists the known names."""
-    return by_name("cases", CASES, name)
-
-
 def error_of(part: Part) -> ErrorOf:
     """Return the error of both axes together."""
     x, y = (ErrorOf(*map(float, part[axis])) for axis in ("x", "y"))
@@ -161,13 +151,12 @@ _WORSE = ("swing", "travel", "shaking")
 def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     """Return `ErrorOf` of each axis as an array."""
     period = float(samples.time[1] - samples.time[0])
-    law = trial.settings
+    law, (position, velocity, force) = trial.settings, samples.felt
     return {
-        axis: np.array(judged(
-            period, samples.handle[:, column], samples.handle_velocity[:, column],
-            samples.true_force[:, column], samples.share, law.stiffness, law.damping,
-            round(counted_from(trial) / period),
-        ))
+        axis: np.array([*judged(
+            period, position[:, column], velocity[:, column], force[:, column], samples.share,
+            law.stiffness, law.damping, round(counted_from(trial) / period),
+        )])
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip
 

@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..figure_style import COLOURS
-from ..settings import Setting, validated
+from ..settings import Setting
 from .friction_map import FORCE, HEIGHT
-from .lab import Lab
+from .lab import Lab, Part
 from .results import STAGE, Experiment, Quantity, Result
-from .stage_runs import CENTRES_MM, at_least, binned, ends_of
+from .stage_runs import CENTRES_MM, binned, stage_run, too_near
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "repeatability"
@@ -30,19 +30,22 @@ class Settings(NamedTuple):
         float, Setting("offset of the second run's start", "m", 0.0, 0.01)
     ] = 0.001
 
+    def flaw(self) -> str:
+        """Return what is wrong with too short a way."""
+        return too_near(self.low, self.high, 0.03)
+
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Compare two runs up, and two down.
 
-    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises
-    ValueError for inconsistent settings, and the errors of `Lab.record`.
+    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises the
+    errors of `Lab.record`.
     """
-    validated(settings)
-    at_least(settings.low, settings.high, 0.03)
-    trials = {
-        f"{direction}_{number}": _trial(settings, sign, number)
-        for direction, sign in DIRECTIONS for number in (1, 2)
-    }  # fmt: skip
+    trials: dict[str, StageTrial] = {}
+    for direction, sign in DIRECTIONS:
+        run = stage_run(sign * float(settings.speed), settings.low, settings.high)
+        again = run._replace(start=run.start + sign * settings.apart)
+        trials |= {f"{direction}_1": run, f"{direction}_2": again}
     parts = lab.record(NAME, trials, binned)
     data = {"centres": CENTRES_MM}
     quantities = []
@@ -57,13 +60,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 
 
-def _trial(settings: Settings, sign: float, number: int) -> StageTrial:
-    start, end = ends_of(settings.low, settings.high, sign)
-    start += sign * settings.apart * (number - 1)
-    return StageTrial(sign * float(settings.speed), start, end)
-
-
-def _compared(direction: str, first: dict, second: dict) -> list[Quantity]:
+def _compared(direction: str, first: Part, second: Part) -> list[Quantity]:
     fewer = np.minimum(first["count"], second["count"])
     beyond = np.where(fewer > _WHOLE * np.median(fewer), second["force"] - first["force"], np.nan)
     noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from ..control import modes
 from ..plant.settings import WorldSettings
-from . import robustness
+from . import force_error
 from .bench import LoopSettings
 from .results import MEASURED, Published, Quantity, Result
 
@@ -105,11 +105,7 @@ class Compared(NamedTuple):
 
     experiment: str
     ours: Quantity
-
-    @property
-    def thesis(self) -> Published:
-        """The thesis's figure."""
-        return self.ours.thesis
+    thesis: Published
 
     @property
     def group(self) -> str:
@@ -183,7 +179,7 @@ class Report(NamedTuple):
         """The thesis's figures beside those of its module."""
         results = (outcome.result for outcome in self.modules[0].outcomes.values())
         return [
-            Compared(result.experiment, quantity)
+            Compared(result.experiment, quantity, quantity.thesis)
             for result in results if result
             for quantity in result.quantities if quantity.thesis
         ]  # fmt: skip
@@ -220,12 +216,12 @@ class Report(NamedTuple):
                            f"{value_text(row.ours)}{truth}, wanted {row.limit_text}",
                            True)  # fmt: skip
         order = list(GROUPS)
-        for row in sorted(self.compared, key=lambda row: order.index(row.group)):
-            if row.verdict == DIFFERS:
-                why = row.thesis.why or "no explanation is known"
-                yield Miss(f"{row.experiment}, {row.ours.text}: thesis "
-                           f"{like(row.ours, row.thesis.value)}, ours {value_text(row.ours)}: "
-                           f"{why}", not row.thesis.why)  # fmt: skip
+        for one in sorted(self.compared, key=lambda one: order.index(one.group)):
+            if one.verdict == DIFFERS:
+                why = one.thesis.why or "no explanation is known"
+                yield Miss(f"{one.experiment}, {one.ours.text}: thesis "
+                           f"{like(one.ours, one.thesis.value)}, ours {value_text(one.ours)}: "
+                           f"{why}", not one.thesis.why)  # fmt: skip
 
     def counts(self, group: str) -> dict[str, int]:
         """Return how many figures of a group have each verdict."""
@@ -262,13 +258,14 @@ def compared_rows(
     rows: Iterable[Compared], group: str, brief: bool = False
 ) -> list[tuple[str, ...]]:
     """Return the cells of a group's table; brief: names, no texts."""
-    cells = []
-    for experiment, ours in (row for row in rows if row.group == group):
-        thesis, (times, _) = ours.thesis, scaled(ours.value, ours.unit)
+    cells: list[tuple[str, ...]] = []
+    for row in (row for row in rows if row.group == group):
+        experiment, ours, thesis = row
+        times, _ = scaled(ours.value, ours.unit)
         cells.append((
             experiment, _label(ours, brief), thesis.where, like(ours, thesis.value),
             f"± {number(thesis.tolerance * times)}", value_text(ours),
-            f"{(ours.value - thesis.value) * times:+.3g}", Compared(experiment, ours).verdict,
+            f"{(ours.value - thesis.value) * times:+.3g}", row.verdict,
         ))  # fmt: skip
     return cells
 
@@ -312,7 +309,7 @@ def robustness_rows(modules: Iterable[Module]) -> list[tuple[str, ...]]:
         if result := module.result("robustness"):
             for mode in result.settings["modes"]:
                 cells = [
-                    " / ".join(f"{rms:.2f}" for rms in robustness.rms_of(result, mode, case))
+                    " / ".join(f"{rms:.2f}" for rms in force_error.rms_of(result, mode, case))
                     for case in result.settings["cases"]
                 ]
                 rows.append((module.name, modes.MODE_NAMES[mode], *cells))

@@ -22,9 +22,8 @@ from ..resources import resource_path
 from ..settings import SettingError
 from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
-from .lab import Lab, MissingResult
+from .lab import Lab, MissingResult, worker_pool
 from .page import write_page
-from .pool import worker_pool
 from .report import Module, Outcome
 from .trials import NotPossible
 

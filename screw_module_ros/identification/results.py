@@ -16,7 +16,8 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from ..settings import SettingError, parse, plain, read
+from ..settings import SettingError, plain, read
+from ..settings_file import parse
 
 MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
 """Kinds of a quantity: found from the samples of trials; arithmetic on printed values; a printed
@@ -95,7 +96,7 @@ class Result(NamedTuple):
         """Write NAME.yaml and NAME.npz into a folder; return the two paths. Raises OSError."""
         text, arrays = (folder / f"{self.experiment}{end}" for end in (".yaml", ".npz"))
         text.write_text(self.as_yaml(), encoding="utf-8")
-        np.savez_compressed(arrays, **self.data)
+        np.savez_compressed(arrays, **dict[str, Any](self.data))
         return [text, arrays]
 
 

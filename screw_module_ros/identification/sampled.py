@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,21 +27,8 @@ SETTLE_S = 0.05
 """Excluded start of each sine [s]: many time constants of the slowest pole, 221 Hz."""
 
 
-class Sine(NamedTuple):
-    """Part of a signal at one frequency: Re(amplitude exp(j w t)).
-
-    error: standard error of the real and of the imaginary part; offset: mean of the signal;
-    residual: standard deviation of the residual. Units are the signal's.
-    """
-
-    amplitude: complex
-    error: float
-    offset: float
-    residual: float
-
-
 class Response(NamedTuple):
-    """Output over input at one frequency.
+    """A signal at one frequency, Re(value exp(j w t)), or the ratio of two.
 
     error: standard error of the real and of the imaginary part; it is also that of the magnitude
     and, divided by the magnitude, of the phase [rad].
@@ -69,14 +56,6 @@ class Fit(NamedTuple):
     misfit: float
 
 
-class Sweep(NamedTuple):
-    """Result of a swept sine: frequencies [Hz], response, standard error of real and imaginary."""
-
-    frequencies: np.ndarray
-    values: np.ndarray
-    errors: np.ndarray
-
-
 class Amplifier(NamedTuple):
     """Assumed amplifier: pole [Hz], delay [s], and a note about their source."""
 
@@ -90,28 +69,32 @@ WIRE = Chain(1.0, ())
 
 def fit_sine(
     time: np.ndarray, values: np.ndarray, frequency: float, drift: bool = False
-) -> Sine:
+) -> Response:
     """Fit a sine with an offset to samples.
 
     time [s]; frequency [Hz]; drift: the offset may follow a straight line.
     Raises ValueError when the samples do not determine the sine.
     """
     time, values = np.asarray(time, float), np.asarray(values, float)
-    columns = _columns(time, values, frequency, drift)
+    if not np.all(np.isfinite(values)):
+        raise ValueError("the samples are not all finite numbers")
+    phase = 2.0 * math.pi * frequency * time
+    terms = [np.cos(phase), np.sin(phase), np.ones_like(time)]
+    if drift:
+        terms.append((time - time.mean()) / max(float(np.ptp(time)), 1e-300))
+    columns = np.column_stack(terms)
     normal = columns.T @ columns
-    if np.linalg.cond(normal) > _WORST_CONDITION**2:
-        raise ValueError(_undetermined(frequency, len(time)))
+    if len(time) <= len(terms) or np.linalg.cond(normal) > _WORST_CONDITION**2:
+        raise ValueError(
+            f"{len(time)} samples do not determine a sine of {frequency:g} Hz: record for longer"
+        )
     inverse = np.linalg.inv(normal)
     found = inverse @ (columns.T @ values)
     left = values - columns @ found
     variance = float(left @ left) / (len(values) - len(found))
     errors = np.sqrt(variance * np.diag(inverse))
-    return Sine(
-        complex(found[0], -found[1]),
-        float(math.hypot(errors[0], errors[1]) / math.sqrt(2.0)),
-        float(found[2]),
-        math.sqrt(variance),
-    )
+    error = float(math.hypot(errors[0], errors[1]) / math.sqrt(2.0))
+    return Response(complex(found[0], -found[1]), error)
 
 
 def response(
@@ -126,34 +109,11 @@ def response(
     The input counts as exact: its deviation from a sine is not measurement noise. Raises ValueError
     without an input at that frequency.
     """
-    source = fit_sine(time, excitation, frequency, drift).amplitude
+    source = fit_sine(time, excitation, frequency, drift).value
     found = fit_sine(time, answer, frequency, drift)
     if abs(source) <= 1e-9 * float(np.max(np.abs(excitation))) or source == 0.0:
         raise ValueError(f"the input has no sine of {frequency:g} Hz")
-    return Response(found.amplitude / source, found.error / abs(source))
-
-
-def _columns(
-    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool
-) -> np.ndarray:
-    """Return the unknowns' columns: cosine, sine, offset, drift."""
-    if not frequency > 0.0:
-        raise ValueError(f"a sine of {frequency:g} Hz cannot be fitted")
-    if time.ndim != 1 or time.shape != values.shape:
-        raise ValueError(f"times of shape {time.shape} for values of shape {values.shape}")
-    if len(time) <= 3 + drift:
-        raise ValueError(_undetermined(frequency, len(time)))
-    if not np.all(np.isfinite(values)):
-        raise ValueError("the samples are not all finite numbers")
-    phase = 2.0 * math.pi * frequency * time
-    columns = [np.cos(phase), np.sin(phase), np.ones_like(time)]
-    if drift:
-        columns.append((time - time.mean()) / max(float(np.ptp(time)), 1e-300))
-    return np.column_stack(columns)
-
-
-def _undetermined(frequency: float, count: int) -> str:
-    return f"{count} samples do not determine a sine of {frequency:g} Hz: record for longer"
+    return Response(found.value / source, found.error / abs(source))
 
 
 def first_order(bandwidth: float) -> Chain:
@@ -188,7 +148,7 @@ def series(*chains: Chain) -> Chain:
 def continuous_response(chain: Chain, frequencies: np.ndarray, delay: float = 0.0) -> np.ndarray:
     """Return G(jw) exp(-jw delay) at frequencies [Hz]; delay [s]."""
     s = 2j * math.pi * np.asarray(frequencies, float)
-    answer = chain.gain * np.exp(-s * delay)
+    answer: np.ndarray = chain.gain * np.exp(-s * delay)
     for pole in chain.poles:
         answer = answer * (-pole / (s - pole))
     return answer
@@ -231,19 +191,41 @@ def held_twice_response(
     It has a hold for the D/A and another for the A/D: half a period more lag than in the samples.
     """
     frequencies = np.asarray(frequencies, float)
-    return continuous_response(chain, frequencies, delay) * _hold(frequencies, rate) ** 2
+    hold = np.sinc(frequencies / rate) * np.exp(-1j * math.pi * frequencies / rate)
+    return continuous_response(chain, frequencies, delay) * hold**2
+
+
+Model = Callable[[np.ndarray], np.ndarray]
+"""Parameters -> complex response."""
+
+
+def model_of(
+    kind: Callable[..., np.ndarray], chain: Callable[..., Chain], frequencies: np.ndarray,
+    rate: float, known: float = 0.0,
+) -> Model:  # fmt: skip
+    """Return a response as a function of its gain, the numbers of its chain, and a delay [s].
+
+    kind: `sampled_response` or `held_twice_response`; chain: of those numbers; frequencies [Hz];
+    rate [1/s]; known: further delay [s].
+    """
+
+    def model(numbers: np.ndarray) -> np.ndarray:
+        gain, *inner, delay = numbers
+        return gain * kind(chain(*inner), frequencies, rate, known + delay)
+
+    return model
 
 
 def fit_response(
-    model: Callable[[np.ndarray], np.ndarray],
+    model: Model,
     measured: np.ndarray,
-    start: Sequence[float],
-    low: Sequence[float],
-    high: Sequence[float],
+    start: Sequence[float] | np.ndarray,
+    low: Sequence[float] | np.ndarray,
+    high: Sequence[float] | np.ndarray,
 ) -> Fit:
     """Fit a model's parameters to a measured response, with equal weights of the frequencies.
 
-    model: parameters -> complex response; start, low, high: initial values and bounds of the
+    start, low, high: initial values and bounds of the
     parameters. The standard errors come from the scatter of the measurement about the model. Raises
     ValueError for too few frequencies.
     """
@@ -267,11 +249,6 @@ def fit_response(
     return Fit(found.x, errors, math.sqrt(square / len(measured)))
 
 
-def _hold(frequencies: np.ndarray, rate: float) -> np.ndarray:
-    """Return the zero-order hold (1 - exp(-j w T)) / (j w T) at frequencies [Hz]."""
-    return np.sinc(frequencies / rate) * np.exp(-1j * math.pi * frequencies / rate)
-
-
 def _apart(poles: tuple[complex, ...]) -> tuple[complex, ...]:
     """Return the poles with equal ones slightly separated, as the partial fractions require."""
     kept: list[complex] = []
@@ -288,7 +265,7 @@ def whole_cycles(frequency: float, cycles: int, shortest: float) -> float:
 
 
 def torque_sweep(
-    frequencies: Sequence[float], trial: TorqueTrial, cycles: int, channel: str
+    frequencies: Iterable[float], trial: TorqueTrial, cycles: int, channel: str
 ) -> dict[str, TorqueTrial]:
     """Return a trial for each frequency [Hz], at the amplitude, linearization and rate of `trial`.
 
@@ -319,16 +296,17 @@ def _part(trial: TorqueTrial, samples: Samples, answer: np.ndarray) -> Part:
     commanded = desired_torque(trial.linearization, samples.command)
     found = response(samples.time[kept], commanded[kept], answer[kept], trial.frequency, drift=True)
     return {
-        "frequency": np.array(trial.frequency),
         "value": np.array(found.value),
         "error": np.array(found.error),
     }
 
 
-def sweep_of(parts: Mapping[str, Part]) -> Sweep:
-    """Return the parts of a sweep as arrays, in the order of the trials."""
-    columns = ("frequency", "value", "error")
-    return Sweep(*(np.array([part[name] for part in parts.values()]) for name in columns))
+def sweep_of(parts: Mapping[str, Part]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the responses of a sweep and their standard errors, in the order of the trials."""
+    value, error = (
+        np.array([part[name] for part in parts.values()]) for name in ("value", "error")
+    )
+    return value, error
 
 
 def known_amplifier(lab: Lab, pole: float, delay: float) -> Amplifier:

@@ -177,8 +177,8 @@ def law_ticks(
 
 def _floats(dtype: np.dtype, begin: int = 0) -> np.ndarray:
     """Return the numbers of a packed record's floats, counted in steps of eight bytes."""
-    found = []
-    for part, offset in ((field[0], field[1]) for field in dtype.fields.values()):
+    found: list[int] = []
+    for part, offset in ((field[0], field[1]) for field in (dtype.fields or {}).values()):
         if part.fields:
             found.extend(_floats(part, begin + offset))
         elif part.base == np.float64:

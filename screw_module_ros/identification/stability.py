@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -54,7 +54,6 @@ _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gai
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
-_LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _SHOWN = 1.0  # least gain of the figure
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 _WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal
@@ -84,7 +83,6 @@ class Settings(NamedTuple):
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
-    validated(settings)
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
     usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
     feedback, moving, resting = laws_of(usual, velocity_cutoff)
@@ -102,7 +100,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             elif math.isfinite(gain):
                 costs = limits(*given, law)
                 data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
-                worst = max(costs, key=costs.get)
+                worst = max(costs, key=lambda cost: costs[cost])
                 notes.append(f"{where}: limited by {worst}; {_costs_text(costs)}.")
             else:
                 notes.append(f"{where}: no gain up to {MOST:g} is unstable.")
@@ -237,7 +235,8 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
         settings = _weighed(lab, settings)
         mechanism = Mechanism(**_shared(settings))
         return mechanism, Sampling(settings.rate, settings.delay), settings.velocity_cutoff
-    world, loop = lab.bench.world, lab.bench.loop
+    module: Any = lab.bench  # a simulated one, which offers TRUTH
+    world, loop = module.world, module.loop
     v, a = world.vertical, world.amplifier
     mechanism = Mechanism(
         v.turning_mass, v.moving_mass, amplifier=a.bandwidth, transducer=world.sensor.bandwidth,

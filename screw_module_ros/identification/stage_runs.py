@@ -11,7 +11,6 @@ before the filter, so that they do not spread into the bins.
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import freqz, oaconvolve, remez
@@ -35,13 +34,6 @@ _SAME_LEAD, _NO_LEAD = 0.01, 0.6
 """Difference of speeds that a positioning stage never has, and one that no screw explains."""
 _LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
 LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
-
-
-class Steady(NamedTuple):
-    """The part of a run at constant speed: index of its first sample, index after its last."""
-
-    begin: int
-    end: int
 
 
 def turn_rate_hz(speed: float) -> float:
@@ -99,8 +91,8 @@ def zero_phase(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return oaconvolve(np.pad(values, half, mode="reflect"), taps, mode="valid")
 
 
-def steady_part(trial: StageTrial, samples: Samples) -> Steady:
-    """Return the part of a run in which the nut moves at the stage's speed.
+def steady_part(trial: StageTrial, samples: Samples) -> slice:
+    """Return the samples of a run in which the nut moves at the stage's speed.
 
     The reference is a line with the stage's speed through the middle half of the positions. The
     steady part stays within a few counts of it and begins `SETTLE_S` later.
@@ -134,7 +126,7 @@ def steady_part(trial: StageTrial, samples: Samples) -> Steady:
     before, after = np.flatnonzero(off[:quarter]), np.flatnonzero(off[-quarter:])
     begin = int(before[-1]) + 1 if len(before) else 0
     end = len(time) - quarter + int(after[0]) if len(after) else len(time)
-    return Steady(begin + round(SETTLE_S / period_of(samples)), end)
+    return slice(begin + round(SETTLE_S / period_of(samples)), end)
 
 
 def period_of(samples: Samples) -> float:
@@ -146,14 +138,14 @@ def binned(trial: StageTrial, samples: Samples) -> Part:
     """Reduce a stage run to its bins; for `Lab.record`.
 
     Returns arrays of 142: `force` mean along z [N], NaN in a bin that was not measured; `count` of
-    samples; `error` standard error of the mean from the sensor's noise [N]; and `cutoff` [Hz].
+    samples; `error` standard error of the mean from the sensor's noise [N].
     Raises ValueError without a steady part.
     """
     period = period_of(samples)
     steady = steady_part(trial, samples)
-    raw = samples.force[steady.begin : steady.end]
+    raw = samples.force[steady]
     smooth = zero_phase(raw, lowpass_taps(trial.speed, 1.0 / period))
-    place = np.floor(samples.position[steady.begin : steady.end] * (1e3 / BIN_MM)).astype(int)
+    place = np.floor(samples.position[steady] * (1e3 / BIN_MM)).astype(int)
     inside = (place >= 0) & (place < BINS)
     count = np.bincount(place[inside], minlength=BINS)
     total = np.bincount(place[inside], smooth[inside], minlength=BINS)
@@ -169,12 +161,12 @@ def binned(trial: StageTrial, samples: Samples) -> Part:
     }
 
 
-def ends_of(low: float, high: float, sign: float) -> tuple[float, float]:
-    """Return start and end of a run between two heights [m]; sign: +1 up, -1 down."""
-    return (float(low), float(high)) if sign > 0.0 else (float(high), float(low))
+def stage_run(speed: float, low: float, high: float, upside_down: bool = False) -> StageTrial:
+    """Return a run between two heights [m] at a speed [m/s], positive up the screw."""
+    ends = (float(low), float(high)) if speed > 0.0 else (float(high), float(low))
+    return StageTrial(speed, *ends, upside_down=upside_down)
 
 
-def at_least(low: float, high: float, apart: float, why: str = "") -> None:
-    """Raise ValueError unless `high` lies above `low` by `apart` [m]."""
-    if high - low < apart:
-        raise ValueError(f"high must lie above low by {apart:g} m or more{why}")
+def too_near(low: float, high: float, apart: float, why: str = "") -> str:
+    """Return what is wrong unless `high` lies above `low` by `apart` [m], empty if nothing."""
+    return "" if high - low >= apart else f"high must lie above low by {apart:g} m or more{why}"

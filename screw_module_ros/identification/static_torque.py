@@ -56,6 +56,12 @@ class Settings(NamedTuple):
         float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
     ] = 0.16
 
+    def flaw(self) -> str:
+        """Return what is wrong with a sine that is shorter than a period."""
+        period = 2.0 * math.pi / self.omega
+        short = f"duration = {self.duration:g} s is less than one period of the sine, {period:.3g}"
+        return f"{short} s" if self.duration < period else ""
+
 
 class Pieces(NamedTuple):
     """The fit: the map, and standard errors of (lower value and slope, upper value and slope at
@@ -70,17 +76,14 @@ class Pieces(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure, fit, and measure again through the fit. Raises ValueError, Cancelled, NotPossible.
 
-    ValueError: the sine is shorter than a period, or torque does not follow the command.
+    ValueError: torque does not follow the command.
     """
-    if settings.duration * settings.omega < 2.0 * math.pi:
-        raise ValueError(
-            f"duration = {settings.duration:g} s is less than one period of the sine, "
-            f"{2.0 * math.pi / settings.omega:.3g} s"
-        )
     trial = TorqueTrial(settings.omega / (2.0 * math.pi), settings.amplitude, settings.duration)
     raw = lab.record(NAME, {"raw": trial}, reduced)["raw"]
     torque, command = _smoothed(raw, settings)
-    fit = _fit(torque, command, _fewer(raw, settings))
+    fewer = _fewer(raw, settings)
+    fit = fit_pieces(torque, command)
+    fit = fit._replace(errors=fit.errors * fewer, joint_errors=fit.joint_errors * fewer)
     again = trial._replace(linearization=fit.linearization)
     linear = lab.record(NAME, {"linearized": again}, reduced)["linearized"]
     desired = desired_torque(fit.linearization, linear["command"])
@@ -95,7 +98,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     }
     quantities = (
         _largest(linear, fit, settings)
-        + _asymptotes(torque, command, settings, _fewer(raw, settings))
+        + _asymptotes(torque, command, settings, fewer)
         + _check(raw, desired, linear["torque"])
         + _found(fit)
     )
@@ -144,11 +147,6 @@ def _fewer(raw: Part, settings: Settings) -> float:
     About 2 x cutoff samples per second are independent.
     """
     return math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
-
-
-def _fit(torque: np.ndarray, command: np.ndarray, fewer: float) -> Pieces:
-    fit = fit_pieces(torque, command)
-    return fit._replace(errors=fit.errors * fewer, joint_errors=fit.joint_errors * fewer)
 
 
 def _asymptotes(
@@ -326,7 +324,7 @@ def _map(joints: np.ndarray, numbers: np.ndarray) -> Linearization:
     return Linearization(
         (low, high),
         Line(lower_slope, lower - lower_slope * low),
-        tuple(map(float, cubic)),
+        tuple(cubic.tolist()),
         Line(upper_slope, upper - upper_slope * high),
     )
 

@@ -8,7 +8,6 @@ appears at 400 Hz in samples at 2 kHz.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -32,13 +31,15 @@ from .results import (
 from .sampled import (
     WIRE,
     Amplifier,
+    Chain,
     Fit,
-    Sweep,
+    Model,
     continuous_response,
     first_order,
     fit_response,
     held_twice_response,
     known_amplifier,
+    model_of,
     sampled_response,
     second_order,
     series,
@@ -60,7 +61,6 @@ _FIRST, _SECOND, _THIRD = COLOURS[:3]
 _STARTS = (0.3, 3.0, 10.0)  # initial damping [Nm s/rad]: the misfit can have several minima
 _LIGHT = 0.005  # damping with a visible resonance [Nm s/rad]
 _LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
-_LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
 _PROFILE = np.linspace(0.0, 1e-3, 101)
 
 
@@ -69,7 +69,9 @@ class Settings(NamedTuple):
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
-    count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 4, 400)] = 40
+    count: Annotated[
+        int, Setting("frequencies, evenly on a log scale", "", 4, 400)
+    ] = 40  # type: ignore[assignment]  # hides the tuple's method
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     slow_rate: Annotated[
@@ -83,21 +85,6 @@ class Settings(NamedTuple):
     delay: Annotated[
         float, Setting("delay of the amplifier, if not measured", "s", 0.0, 1e-3)
     ] = 60e-6
-
-
-class Held(NamedTuple):
-    """A sine through a hold, a wire with a delay and a sampler, as curves.
-
-    time, sample_time [sample periods]; input, answer: input and output of the wire over `time`;
-    samples: at `sample_time`; rebuilt: the samples held again, over `time`.
-    """
-
-    time: np.ndarray
-    input: np.ndarray
-    answer: np.ndarray
-    sample_time: np.ndarray
-    samples: np.ndarray
-    rebuilt: np.ndarray
 
 
 def run(lab: Lab, settings: Settings) -> Result:
@@ -117,24 +104,34 @@ def run(lab: Lab, settings: Settings) -> Result:
     ]
     together = {name: trial for sweep in sweeps for name, trial in sweep.items()}
     parts = lab.record(NAME, together, torque_part)
+
+    def chain(damping: float) -> Chain:
+        rotor = second_order(settings.inertia, damping, settings.stiffness)
+        return series(first_order(amplifier.pole), rotor)
+
     quantities: tuple[Quantity, ...] = ()
     data: dict[str, np.ndarray] = {}
     for (rate, _, end), own in zip(rates, sweeps, strict=True):
-        sweep = sweep_of({name: parts[name] for name in own})
-        model = _model(sampled_response, settings, amplifier, frequencies, rate)
-        fit = _fit(model, sweep)
+        measured, errors = sweep_of({name: parts[name] for name in own})
+        model = model_of(sampled_response, chain, frequencies, rate, amplifier.delay)
+        fit = _fit(model, measured)
         quantities += _found(fit, rate, end)
         data |= {
             f"frequency{end}": frequencies,
-            f"measured{end}": sweep.values,
-            f"error{end}": sweep.errors,
+            f"measured{end}": measured,
+            f"error{end}": errors,
             f"model{end}": model(fit.values),
         }
         if not end:
-            drawn = _model(held_twice_response, settings, amplifier, frequencies, rate)
-            quantities += _drawn(_fit(drawn, sweep))
-            data |= _limit(model, sweep, fit, rate, amplifier)
-            data |= _folded(settings, amplifier, fit, rate)
+            drawn = model_of(held_twice_response, chain, frequencies, rate, amplifier.delay)
+            quantities += _drawn(_fit(drawn, measured))
+            total = float(amplifier.delay + fit.values[2])
+            data |= {
+                "limit_delay": _PROFILE,
+                "limit_rotor": misfit_profile(model, measured, fit),
+                "limit_wire": wire_profile(frequencies, rate, total, _PROFILE + amplifier.delay),
+            }
+            data |= _folded(chain(_LIGHT), chain(float(fit.values[1])), total, rate)
     resonance = math.sqrt(settings.stiffness / settings.inertia) / (2.0 * math.pi)
     seen = abs(resonance - round(resonance / lab.rate) * lab.rate)
     quantities = beside(THESIS, quantities, MEASURED) + beside(THESIS, (
@@ -145,26 +142,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, quantities, settings._asdict(), notes, data)
 
 
-Model = Callable[[np.ndarray], np.ndarray]
-
-
-def _model(
-    kind: Callable, settings: Settings, amplifier: Amplifier, frequencies: np.ndarray, rate: float
-) -> Model:
-    """Return the response as a function of gain, damping [Nm s/rad] and software delay [s]."""
-
-    def model(numbers: np.ndarray) -> np.ndarray:
-        gain, damping, delay = numbers
-        rotor = second_order(settings.inertia, damping, settings.stiffness)
-        chain = series(first_order(amplifier.pole), rotor)
-        return gain * kind(chain, frequencies, rate, amplifier.delay + delay)
-
-    return model
-
-
-def _fit(model: Model, sweep: Sweep) -> Fit:
+def _fit(model: Model, measured: np.ndarray) -> Fit:
     fits = [
-        fit_response(model, sweep.values, (1.0, damping, 3e-4), _LOW, _HIGH) for damping in _STARTS
+        fit_response(model, measured, (1.0, damping, 3e-4), _LOW, _HIGH) for damping in _STARTS
     ]
     return min(fits, key=lambda fit: fit.misfit)
 
@@ -194,85 +174,30 @@ def _drawn(fit: Fit) -> tuple[Quantity, ...]:
     )  # fmt: skip
 
 
-def _limit(
-    model: Model, sweep: Sweep, fit: Fit, rate: float, amplifier: Amplifier
-) -> dict[str, np.ndarray]:
-    """Return the misfit over the delay: with the rotor's dynamics, and for a wire."""
-    gain, damping, delay = fit.values
-    total = float(amplifier.delay + delay)
-    return {
-        "limit_delay": _PROFILE,
-        "limit_rotor": misfit_profile(
-            model, sweep.values, _PROFILE, fit.values[:2], _LOW[:2], _HIGH[:2]
-        ),
-        "limit_wire": wire_profile(sweep.frequencies, rate, total, _PROFILE + amplifier.delay),
-    }
-
-
-def _folded(
-    settings: Settings, amplifier: Amplifier, fit: Fit, rate: float
-) -> dict[str, np.ndarray]:
+def _folded(light: Chain, found: Chain, delay: float, rate: float) -> dict[str, np.ndarray]:
     """Return responses of the rotor with light and with identified damping, sampled and not."""
     frequencies = np.linspace(5.0, 0.4999 * rate, 800)
     wide = np.linspace(5.0, 2.5 * rate, 2000)
-    amplifier_pole = first_order(amplifier.pole)
-    light = series(amplifier_pole, second_order(settings.inertia, _LIGHT, settings.stiffness))
-    heavy = series(
-        amplifier_pole, second_order(settings.inertia, float(fit.values[1]), settings.stiffness)
-    )
-    delay = float(fit.values[2]) + amplifier.delay
     return {
         "folded_frequency": frequencies,
         "folded_light": sampled_response(light, frequencies, rate, delay),
-        "folded_found": sampled_response(heavy, frequencies, rate, delay),
+        "folded_found": sampled_response(found, frequencies, rate, delay),
         "wide_frequency": wide,
         "wide_light": continuous_response(light, wide, delay),
-        "light_damping": np.array(_LIGHT),
     }
 
 
-def held_wire(delay: float, periods: int = 20, per_period: int = 100) -> Held:
-    """Return fig 4-13 (delay = 0) or 4-14; times and delay are in sample periods.
+def misfit_profile(model: Model, measured: np.ndarray, fit: Fit) -> np.ndarray:
+    """Return the least misfit for each delay of `_PROFILE`, gain and damping fitted anew."""
+    found, start, low, high = [], fit.values[:2], _LOW[:2], _HIGH[:2]
 
-    periods: of one sine; per_period: points to draw.
-    """
-    time = np.arange(periods * per_period) / per_period
-    first = time[::per_period]
-    frequency = 1.0 / periods
-    samples = _held(first - delay, frequency)
-    return Held(
-        time,
-        _held(time, frequency),
-        _held(time - delay, frequency),
-        first,
-        samples,
-        np.repeat(samples, per_period),
-    )
+    def with_delay(delay: float) -> Model:
+        return lambda numbers: model(np.append(numbers, delay))
 
-
-def _held(time: np.ndarray, frequency: float) -> np.ndarray:
-    """Return a sine that begins at time 0, held from each whole number to the next."""
-    return np.sin(2.0 * np.pi * frequency * np.maximum(np.floor(time), 0.0))
-
-
-def misfit_profile(
-    model: Callable[[np.ndarray], np.ndarray],
-    measured: np.ndarray,
-    delays: np.ndarray,
-    start: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-) -> np.ndarray:
-    """Return the least misfit for each delay [s], with all other parameters fitted.
-
-    model: function of the other parameters and, last, the delay; start, low, high: initial values
-    and bounds of the other parameters.
-    """
-    found = []
-    for delay in delays:
-        fit = fit_response(lambda x, d=delay: model(np.append(x, d)), measured, start, low, high)
-        found.append(fit.misfit)
-        start = np.clip(fit.values, 1.001 * low, 0.999 * high)
+    for delay in _PROFILE:
+        best = fit_response(with_delay(delay), measured, start, low, high)
+        found.append(best.misfit)
+        start = np.clip(best.values, 1.001 * low, 0.999 * high)
     return np.array(found)
 
 
@@ -357,13 +282,20 @@ def _linear_phase(result: Result) -> Figure:
 
 
 def _wire(title: str, delay: float) -> Figure:
-    held = held_wire(delay, periods=16)
+    """Draw a sine through a hold, a wire with a delay [sample periods] and a sampler (4.1.4)."""
+    time, read = np.arange(1600) / 100.0, np.arange(16.0)
+
+    def held(at: np.ndarray) -> np.ndarray:
+        return np.sin(2.0 * np.pi * 0.0625 * np.maximum(np.floor(at), 0.0))
+
     figure, axes = axes_for("time [sample periods]", "signal", title)
-    axes.plot(held.time, held.input, color=_FIRST, lw=1.4, label="input, held")
+    axes.plot(time, held(time), color=_FIRST, lw=1.4, label="input, held")
     if delay:
-        axes.plot(held.time, held.answer, color=_SECOND, lw=1.4, ls="--", label="output")
-    axes.plot(held.sample_time, held.samples, "x", color=DESIRED, ms=6, label="read")
-    axes.plot(held.time, held.rebuilt, color=DESIRED, ls=":", lw=1.8, label="read, held again")
+        axes.plot(time, held(time - delay), color=_SECOND, lw=1.4, ls="--", label="output")
+    samples = held(read - delay)
+    axes.plot(read, samples, "x", color=DESIRED, ms=6, label="read")
+    axes.plot(time, np.repeat(samples, 100), color=DESIRED, ls=":", lw=1.8,
+              label="read, held again")  # fmt: skip
     axes.legend(loc="upper right")
     return figure
 
@@ -371,7 +303,7 @@ def _wire(title: str, delay: float) -> Figure:
 def _resonance(result: Result) -> Figure:
     """Draw responses of a lightly damped rotor, sampled and not, and of the measured one."""
     d = result.data
-    light = f"B = {float(d['light_damping']):g} Nm s/rad"
+    light = f"B = {_LIGHT:g} Nm s/rad"
     figure, axes = axes_for("", "", "The resonance at 3600 Hz, and its alias at 2 kHz (4.1.3)")
     axes.plot(d["wide_frequency"], _decibels(d["wide_light"]), color=_SECOND,
               label=f"{light}, not sampled")  # fmt: skip

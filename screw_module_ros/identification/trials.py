@@ -3,8 +3,8 @@
 
 An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
 live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
-node `characterize`) turns it into samples. A trial says what it `needs` of a bench, a bench what it
-`offers`; `require` refuses what is missing, with the way out.
+node `characterize`) turns it into samples. `needs_of` says what a trial needs of a
+bench, which says what it `offers`; `require` refuses what is missing, with the way out.
 
 Every bench measures the zero of the transducer before and after a trial, without load on handle or
 rotor, and subtracts the straight line between the two, so that drift does not appear as friction.
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -22,9 +22,12 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+from ..plant.module import Grip
+from ..plant.patient import HandPath
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
+_RIGID = Grip()
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
@@ -75,11 +78,6 @@ class TorqueTrial(NamedTuple):
     linearization: Linearization | None = None
     rate: float = 0.0
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({TORQUE})
-
 
 class AnalyzerTrial(NamedTuple):
     """A signal analyser on the servo amplifier alone (thesis 4.1.2): one sine of its swept sine.
@@ -91,11 +89,6 @@ class AnalyzerTrial(NamedTuple):
     amplitude: float
     duration: float
     rate: float = 256_000.0
-
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({ANALYSER})
 
 
 class StageTrial(NamedTuple):
@@ -109,11 +102,6 @@ class StageTrial(NamedTuple):
     start: float
     end: float
     upside_down: bool = False
-
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({STAGE})
 
 
 class Arm(NamedTuple):
@@ -155,15 +143,26 @@ class MotionTrial(NamedTuple):
     released_after: float = math.inf
     changed: int = 0
 
+
+class HandTrial(NamedTuple):
+    """A `MotionTrial` whose hand moves otherwise, has a soft grip, or changes the mode; in process.
+
+    motion: the trial, whose amplitude, way and tremor do not count; before: path of the virtual
+    hand in the 3 s in which the spring fades in, then path: that of the trial; grip: of the hand;
+    switched_after: time at which the mode becomes then_mode [s].
+    """
+
+    motion: MotionTrial
+    before: HandPath
+    path: HandPath
+    grip: Grip = _RIGID
+    switched_after: float = math.inf
+    then_mode: int = 0
+
     @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        wanted = {
-            ONLY_IN_PROCESS: self.side_force or self.tremor or self.changed,
-            PRELOADED: self.preloaded,
-            RELEASE: self.way or math.isfinite(self.released_after),
-        }
-        return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
+    def duration(self) -> float:
+        """Of the samples [s]."""
+        return self.motion.duration
 
 
 class PlanarTrial(NamedTuple):
@@ -185,13 +184,9 @@ class PlanarTrial(NamedTuple):
     tremor: float = 0.0
     released_after: float = math.inf
 
-    @property
-    def needs(self) -> frozenset[str]:
-        """What a bench must offer."""
-        return frozenset({PLANE})
 
-
-Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial
+Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
 class Samples(NamedTuple):
@@ -200,8 +195,9 @@ class Samples(NamedTuple):
     time: since the start of the excitation [s]; position: of the nut, by the encoder [m]; velocity:
     backward difference through the 30 Hz filter [m/s]; force: along z, of the patient or stage on
     the robot, zero subtracted [N]; torque: about z [Nm]; command: torque command to the amplifier
-    for this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN if not measured; for
-    a TorqueTrial the output of the current sensor of thesis C.2 [V].
+    for this sample [Nm] ([A] for the analyser), NaN in a motion on the live graph; current: of the
+    motor [A], NaN if not measured; for a TorqueTrial the output of the current sensor of thesis C.2
+    [V].
 
     True values, None on the live graph: handle [m], handle_velocity [m/s], true_force: of the
     patient on the robot [N]. share: remaining force gain after the chatter guard, 0 to 1; on the
@@ -218,7 +214,14 @@ class Samples(NamedTuple):
     handle: np.ndarray | None = None
     handle_velocity: np.ndarray | None = None
     true_force: np.ndarray | None = None
-    share: np.ndarray | None = None
+    share: np.ndarray = np.ones(1)
+
+    @property
+    def felt(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position [m], velocity [m/s] and force [N] at the handle: true, else by the sensors."""
+        if self.handle is None or self.handle_velocity is None or self.true_force is None:
+            return self.position, self.velocity, self.force
+        return self.handle, self.handle_velocity, self.true_force
 
 
 class Bench(Protocol):
@@ -243,8 +246,27 @@ def duration_of(trial: Trial) -> float:
     return trial.duration
 
 
+def needs_of(trial: Trial) -> frozenset[str]:
+    """Return what a bench must offer for a trial."""
+    if not isinstance(trial, MotionTrial):
+        return frozenset({_NEEDS[type(trial)]})
+    wanted = {
+        ONLY_IN_PROCESS: trial.side_force or trial.tremor or trial.changed,
+        PRELOADED: trial.preloaded,
+        RELEASE: trial.way or math.isfinite(trial.released_after),
+    }
+    return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
+
+
+_NEEDS = {
+    TorqueTrial: TORQUE, AnalyzerTrial: ANALYSER, StageTrial: STAGE, PlanarTrial: PLANE,
+    HandTrial: ONLY_IN_PROCESS,
+}  # fmt: skip
+
+
 def require(trial: Trial, bench: Bench) -> None:
     """Raise NotPossible with the way out if the bench lacks what a trial needs."""
+    missing = needs_of(trial) - bench.offers
     for need, way_out in WAYS_OUT.items():
-        if need in trial.needs - bench.offers:
+        if need in missing:
             raise NotPossible(way_out)

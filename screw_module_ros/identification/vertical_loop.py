@@ -56,7 +56,7 @@ class LoopParams(NamedTuple):
     period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
     which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode, centre
     [m]: of the law. side_force: amplitude of the planar force on the handle [N], at side_omega
-    [rad/s].
+    [rad/s]. counts: of the encoder per turn.
     """
 
     plant: VerticalParams
@@ -84,6 +84,7 @@ class LoopParams(NamedTuple):
     stage_target: float
     side_force: float = 0.0
     side_omega: float = 0.0
+    counts: int = COUNTS_PER_TURN
 
 
 class LoopState(NamedTuple):
@@ -121,8 +122,8 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     """Sample, compute the command, advance the plant by one period."""
     module = s.module
     screw = p.chain.screw
-    count = math.floor(module.nut / p.lead * COUNTS_PER_TURN)
-    position = counts_to_height(count, screw, COUNTS_PER_TURN)
+    count = math.floor(module.nut / p.lead * p.counts)
+    position = counts_to_height(count, screw, p.counts)
     velocity, motion = velocity_step(p.smooth, s.motion, position, p.period)
     force, torque, first, second = _transduced(p, s)
     asked, heat = _answer(p, s, position, velocity, force)
@@ -154,7 +155,7 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
     t = p.transducer
     noise_1, noise_2, first, second = normal_pair(s.first, s.second)
     warm = 1.0 - math.exp(-s.on_time / t.drift_time)
-    force = s.module.filtered_force + t.force_zero + warm * t.force_drift + t.force_noise * noise_1
+    force = s.module.shown_force + t.force_zero + warm * t.force_drift + t.force_noise * noise_1
     torque = s.module.rotor_angle / p.plant.rotor.compliance
     torque += t.torque_zero + warm * t.torque_drift + t.torque_noise * noise_2
     return (

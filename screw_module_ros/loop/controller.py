@@ -17,10 +17,10 @@ from ..control.vertical import (
     vertical_step,
 )
 from ..control.vertical_settings import VerticalSettings
-from ..safety.checks import Agreement, AgreementSettings, ForceLike, VerticalChecks, WatchSettings
+from ..safety.checks import Agreement, AgreementSettings, VerticalChecks, WatchSettings
 from ..safety.latch import Age
 from ..safety.timing import DeadlineMeter
-from ..samples import EncoderReading
+from ..samples import EncoderReading, ForceReading
 from .inputs import Guide, Lease, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
@@ -77,7 +77,7 @@ class VerticalController:
         """Whether a fault is latched."""
         return bool(self.fault.reason)
 
-    def on_force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
         """Process a force sample."""
         if self._checks.force(sample, now_ns):
             self.handle_force = sample.fz
@@ -89,6 +89,8 @@ class VerticalController:
             self._keep_fault()
             return None
         last, self.answered = self.answered, sample
+        if last is not None and sample.homed != last.homed:
+            self._agreement.restart()
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
         self._check(now_ns)
         slot = self.guide.guidance(
@@ -96,12 +98,14 @@ class VerticalController:
         )
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
+        target, target_speed = self.wanted.at(now_ns, active)
         inp = VerticalInput(
             self.mode,
             sample.position,
             sample.velocity,
             self.handle_force,
-            *self.wanted.at(now_ns, active),
+            target,
+            target_speed,
             active and not excites,
             slot.force_x,
             slot.weight,
@@ -133,17 +137,22 @@ class VerticalController:
         return self._enabled is True or self.output.force != 0.0
 
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
-        """Process the drive's report: torque on or off, travel of the nut [m]."""
+        """Process the drive's report: torque on or off, travel of the nut [m].
+
+        While the torque is off, encoder and drive are compared too, so that a slip at each enabling
+        adds up; where they disagree then, one of them counts anew, and so does the comparison.
+        """
         self._drive.note(now_ns)
         if not enabled and self.faulted and not self._must_reset:
             self.reset(now_ns)
-        last = self.answered
-        if enabled != self._enabled or not enabled or last is None:
+        if self._enabled is None:
             self._agreement.restart()
-        else:
-            self.fault.set(
-                self._agreement.check(last.position, position, last.velocity, now_ns)
-            )
+        if last := self.answered:
+            apart = self._agreement.check(last.position, position, last.velocity, now_ns)
+            if enabled:
+                self.fault.set(apart)
+            elif apart:
+                self._agreement.restart()
         self._enabled = enabled
         self._keep_fault()
 
@@ -172,6 +181,7 @@ class VerticalController:
 
     def count(self, now_ns: int) -> None:
         """Count the newest sample as answered at now_ns [ns]."""
+        assert self.answered is not None, "nothing was answered yet"
         self.meter.tick(self.answered.sequence, self.answered.monotonic_ns, now_ns)
 
     def idle(self, now_ns: int) -> VerticalOutput | None:

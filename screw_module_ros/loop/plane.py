@@ -25,12 +25,13 @@ from ..devices.drive import Drive
 from ..devices.errors import BusError, DeviceError
 from ..devices.motion import Motion, Rehoming
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
-from ..safety.checks import ForceLike, FreezeSettings, Frozen, Stream, force_problem
+from ..safety.checks import FreezeSettings, Frozen, Stream, force_problem
 from ..safety.latch import Age
 from ..safety.permit import Permit, PermitSettings
 from ..safety.timing import DeadlineMeter
+from ..samples import ForceReading
 from ..settings import Setting
-from .inputs import NO_GUIDANCE, Guide, SetpointInput
+from .inputs import NO_GUIDANCE, Guidance, Guide, SetpointInput
 from .requests import Requests
 from .ticker import Tick, Ticker
 
@@ -175,7 +176,7 @@ class Plane:
             drives, Requests(), permit._replace(command_periods=oldest), period_ns,
             max(drive.settings.enable_timeout for drive in drives),
         )  # fmt: skip
-        self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
+        self.joints = (Joint(joints, freeze, period_ns), Joint(joints, freeze, period_ns))
         self.guide = Guide(slot_limits)
         self._drives, self._port, self._clock = drives, port, port.clock
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
@@ -267,7 +268,7 @@ class Plane:
             shoulder.heartbeat(now_ns)
             elbow.heartbeat(now_ns)  # the drives share one heartbeat
 
-    def on_force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
         """Check the force of the patient on the robot, and take it as the hand's."""
         if not self._forces.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return
@@ -313,12 +314,16 @@ class Plane:
         self._check_frozen()
         shoulder, elbow = self.joints[0].motion, self.joints[1].motion
         acts = shoulder.homed and elbow.homed and self.permit.enabled
+        x, y, vx, vy = self.wanted.at(now_ns, acts)
         inp = PlanarInput(
             shoulder.position,
             elbow.position,
             shoulder.velocity,
             elbow.velocity,
-            *self.wanted.at(now_ns, acts),
+            x,
+            y,
+            vx,
+            vy,
             acts,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
@@ -339,10 +344,11 @@ class Plane:
 
     def _measure(self, periods: int) -> None:
         for drive, joint in zip(self._drives, self.joints, strict=True):
+            assert drive.reading is not None, "the caller waits for both answers"
             if wrong := joint.take(drive.reading.position, periods):
                 self.permit.fault.set(f"{drive.label} {wrong}")
 
-    def _guidance(self, now_ns: int, dt: float):
+    def _guidance(self, now_ns: int, dt: float) -> Guidance:
         if self.guide.free:
             return NO_GUIDANCE
         shoulder, elbow = self.joints[0].motion, self.joints[1].motion
@@ -372,14 +378,13 @@ class Plane:
         scale = self.permit.step(self._acted.stamp_ns, now_ns)
         output = self.output
         wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
-        written, failed = [], None
-        for drive, torque in zip(self._drives, wanted, strict=True):
+        written, failed = [0.0, 0.0], None
+        for number, (drive, torque) in enumerate(zip(self._drives, wanted, strict=True)):
             try:
-                written.append(drive.write(scale * torque, now_ns))
+                written[number] = drive.write(scale * torque, now_ns)
             except BusError as error:  # the other drive still needs its command
-                written.append(0.0)
                 failed = failed or error
-        self.written = tuple(written)
+        self.written = written[0], written[1]
         if failed is not None:
             raise failed
 
@@ -408,7 +413,8 @@ class Plane:
                 )
         mark = settings.home_x, settings.home_y
         if self.homed or self._rehoming.contradicted:
-            place = forward(*(joint.angle for joint in self.joints), self.settings.arm)
+            shoulder, elbow = self.joints
+            place = forward(shoulder.angle, elbow.angle, self.settings.arm)
             if refused := self._rehoming.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False

@@ -9,10 +9,11 @@ from ..can_io.port import Port
 from ..clock import Clock
 from ..devices.errors import DeviceError
 from ..safety.timing import empty_histogram, note_latency
+from ..samples import EncoderReading, ForceReading
 from .requests import Requests
 from .ticker import Tick
 
-Reading = TypeVar("Reading")
+Reading = TypeVar("Reading", bound=EncoderReading | ForceReading, covariant=True)
 
 
 class PolledDevice(Protocol[Reading]):

@@ -50,6 +50,7 @@ class Ticker:
 
     def take(self) -> Tick:
         """Return the present tick; call it only after `due_ns`."""
+        assert self._last is not None, "due_ns comes first"
         now_ns = self._clock.now_ns()
         number = max((now_ns - self._offset_ns) // self.period_ns, self._last + 1)
         skipped = number - self._last - 1

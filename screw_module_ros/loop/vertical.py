@@ -87,7 +87,7 @@ class VerticalLoop:
     def _step(self, parts: Parts) -> None:
         """Do one period. A controller alone has no ticks: samples are its clock."""
         encoder, force_sensor, controller, drive = parts
-        if not (encoder or force_sensor or drive):
+        if controller and not (encoder or force_sensor or drive):
             self._one_sample(controller)
             return
         if drive and not controller:
@@ -107,9 +107,10 @@ class VerticalLoop:
             drive.end(tick, self._wires.permission)
             self._wires.publish_drive_state(tick.monotonic_ns)
         if controller:
-            self._update_controller(parts, now_ns)
+            self._update_controller(controller, drive, now_ns)
         if force_sensor and force is None:
-            self._take_late_force(parts, due_ns)  # for the topic, and for the next step of the law
+            # For the topic, and for the next step of the law.
+            self._take_late_force(force_sensor, controller, due_ns)
         for sensor in (encoder, force_sensor):
             if sensor:
                 sensor.end()
@@ -121,7 +122,7 @@ class VerticalLoop:
         self._act(parts, sample, force, now_ns)
         if sample is None and force is None:
             self._clock.sleep(BACK_OFF_S)
-        self._update_controller(parts, now_ns)
+        self._update_controller(controller, None, now_ns)
 
     # Encoder and force sensor --------------------------------------------------------------
 
@@ -135,21 +136,23 @@ class VerticalLoop:
         """
         encoder, force_sensor = parts.encoder, parts.force_sensor
         sample = force = None
-        force_first = force_sensor and self._encoder_is_silent
-        if force_first:
+        force_first = self._encoder_is_silent
+        if force_sensor and force_first:
             force = force_sensor.answer(self._clock.now_ns() + self._period_ns // 2)
         if encoder:
             sample = encoder.answer(due_ns)
             self._encoder_is_silent = sample is None
         if force_sensor and not force_first:
-            force = self._force_answer(parts, due_ns)
+            force = self._force_answer(force_sensor, parts, due_ns)
         return sample, force
 
-    def _force_answer(self, parts: Parts, due_ns: int) -> ForceReading | None:
+    def _force_answer(
+        self, force_sensor: PolledSensor[ForceReading], parts: Parts, due_ns: int
+    ) -> ForceReading | None:
         if not (parts.controller or parts.drive):
-            return parts.force_sensor.answer(due_ns)
+            return force_sensor.answer(due_ns)
         wait_ns = self._force_wait_ns() or _LOOK_NS
-        force = parts.force_sensor.answer(min(due_ns, self._clock.now_ns() + wait_ns))
+        force = force_sensor.answer(min(due_ns, self._clock.now_ns() + wait_ns))
         self._force_came = force is not None
         return force
 
@@ -173,12 +176,15 @@ class VerticalLoop:
         self._force_came = newer is not None
         return sample, newer or force
 
-    def _take_late_force(self, parts: Parts, due_ns: int) -> None:
-        force = parts.force_sensor.answer(due_ns)
+    def _take_late_force(
+        self, force_sensor: PolledSensor[ForceReading], controller: VerticalController | None,
+        due_ns: int,
+    ) -> None:  # fmt: skip
+        force = force_sensor.answer(due_ns)
         if force is None:
             return
-        if parts.controller:
-            parts.controller.on_force(force, self._clock.now_ns())
+        if controller:
+            controller.on_force(force, self._clock.now_ns())
         self._wires.publish_force(force)
 
     # Law and torque ------------------------------------------------------------------------
@@ -200,20 +206,22 @@ class VerticalLoop:
         if not answers:
             output = controller.idle(now_ns)
         if output is not None:
-            self._send(parts, output, now_ns)
+            self._send(controller, parts.drive, output, now_ns)
         if answers:
             controller.count(self._clock.now_ns())
         return output
 
-    def _send(self, parts: Parts, output: VerticalOutput, now_ns: int) -> None:
+    def _send(
+        self, controller: VerticalController, drive: VerticalDrive | None, output: VerticalOutput,
+        now_ns: int,
+    ) -> None:  # fmt: skip
         """Send the force to the drive, in this process or another."""
-        behind = parts.controller.answered
-        if parts.drive:
-            parts.drive.act(
-                behind.sequence, behind.monotonic_ns, output.force, now_ns, parts.controller.mode
-            )
+        behind, mode = controller.answered, controller.mode
+        assert behind is not None, "an output answers a sample"
+        if drive:
+            drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns, mode)
         else:
-            self._wires.publish_command(behind, output, parts.controller.mode)
+            self._wires.publish_command(behind, output, mode)
 
     def _follow_commands(self, drive: VerticalDrive) -> None:
         """Until the next tick, execute the commands of another process."""
@@ -240,12 +248,13 @@ class VerticalLoop:
             wires.publish_sample(sample)
         if force is not None:
             wires.publish_force(force)
-        if output is not None and parts.drive:
+        if output is not None and parts.drive and controller and controller.answered:
             wires.publish_command(controller.answered, output, controller.mode)
 
-    def _update_controller(self, parts: Parts, now_ns: int) -> None:
+    def _update_controller(
+        self, controller: VerticalController, drive: VerticalDrive | None, now_ns: int
+    ) -> None:
         """Pass drive state, set point and resets to the controller, after the command is sent."""
-        controller, drive = parts.controller, parts.drive
         if drive:
             controller.on_drive(drive.permit.enabled, drive.position, now_ns)
         self._wires.read_inputs(now_ns)

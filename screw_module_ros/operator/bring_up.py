@@ -91,7 +91,7 @@ class Step(NamedTuple):
 
     why: str
     services: tuple[str, ...] = ()
-    kind: type = Trigger
+    kind: type[Any] = Trigger
     fields: dict[str, Any] = {}
     before: Callable[[], None] = lambda: None
     after: Callable[[], None] = lambda: None
@@ -185,13 +185,14 @@ def _enabling_step(seen: Seen, mode: int, hand: Hand, drives: Sequence[str]) -> 
 
 def look(robot: Robot, tared_s: float = math.inf) -> Seen:
     """Return what there is to see of the robot now."""
-    rates = [robot.reported("rate [1/s]", node) for node in ("force_sensor", "encoder")]
-    known = rates[0] is not None and rates[1] is not None and float(rates[1]) > 0.0
+    forces, positions = (
+        float(robot.reported("rate [1/s]", node) or "nan") for node in ("force_sensor", "encoder")
+    )
     return Seen(
         robot.state(EncoderSample),
         robot.state(WrenchStamped),
         robot.level("force_sensor"),
-        float(rates[0]) / float(rates[1]) if known else 1.0,
+        forces / positions if positions > 0.0 and math.isfinite(forces) else 1.0,
         tared_s,
         robot.state(AmplifierState),
         robot.state(PlanarState),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
@@ -30,7 +30,7 @@ from screw_module_msgs.msg import (
 
 from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill, WallClock
-from screw_module_ros.lockstep.clock import Calls, simulated_clock
+from screw_module_ros.lockstep.clock import Calls, SimulatedClock, simulated_clock
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.loop.ticker import BACK_OFF_S
 
@@ -61,6 +61,8 @@ _STATES = {
 
 class RobotError(RuntimeError):
     """A request to the robot failed; the message names the node and quotes it."""
+
+Me = TypeVar("Me", bound="Client")
 
 
 class Client:
@@ -103,7 +105,7 @@ class Client:
         self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> Client:
+    def __enter__(self: Me) -> Me:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -151,14 +153,15 @@ class Client:
         end_ns = _WALL.now_ns() + _STANDS_NS
         while True:
             try:
-                if ends:
+                if ends and isinstance(self.clock, SimulatedClock):
                     self.clock.member.wait(until_ns, ends)
                 else:
                     self.clock.sleep_until(until_ns)
                 return
             except TimeStandsStill as error:
                 self.watch()  # a process that has ended gives a better message
-                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
+                has_rig = isinstance(self.clock, SimulatedClock) and self.clock.has_rig
+                if not has_rig or _WALL.now_ns() > end_ns:
                     raise RobotError(str(error)) from None
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
@@ -291,7 +294,7 @@ class Client:
 
     # Services ------------------------------------------------------------------------------
 
-    def client(self, kind: type, service: str):
+    def client(self, kind: type[Any], service: str) -> Any:
         """Return the client of a service; create it once."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
@@ -301,7 +304,9 @@ class Client:
         """Return whether a node offers the service of a client that `client()` has returned."""
         return is_served(self.node, client)
 
-    def call(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+    def call(
+        self, kind: type[Any], service: str, request: Any = None, deadline_s: float = ANSWER_S
+    ) -> Any:
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
         self.wait_until(lambda: self.is_offered(client), deadline_s, f"nobody offers {service}")
@@ -329,16 +334,17 @@ class Client:
         found = zip(names, map(parameter_value_to_python, values), strict=False)
         return {name: value for name, value in found if value is not None}
 
-    def _announced(self, kind: type, service: str) -> End | None:
+    def _announced(self, kind: type[Any], service: str) -> End | None:
         """Make a request hold simulated time until its node has it; return the answer's end.
 
         Only services that the node offers with `Node.serve` count; rclpy's own do not.
         """
-        if not (self.clock.simulated and hasattr(kind.Response, "message")):
+        clock = self.clock
+        if not (isinstance(clock, SimulatedClock) and hasattr(kind.Response, "message")):
             return None
         node = self.node.resolve_service_name(service).rpartition("/")[0]
         if node not in self._calls:
-            self._calls[node] = self.clock.calls(node)
+            self._calls[node] = clock.calls(node)
         self._calls[node].begin()
         return self._calls[node].answer
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,9 @@ class Robot(Client):
 
     # Requests ------------------------------------------------------------------------------
 
-    def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+    def ask(
+        self, kind: type[Any], service: str, request: Any = None, deadline_s: float = ANSWER_S
+    ) -> str:
         """Like `call`; return the response's message, raise RobotError with it when refused."""
         response = self.call(kind, service, request, deadline_s)
         if not response.success:
@@ -249,7 +252,7 @@ class Robot(Client):
     def check_enabled(self) -> None:
         """Raise RobotError with the known reason when a torque is off."""
         for name, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
-            if not self.met(lambda kind=kind: self.state(kind), _SILENT_S):
+            if not self.met(partial(self.state, kind), _SILENT_S):
                 raise RobotError(f"{name} is silent{self.complaints_text()}")
             state = self.state(kind)
             if not state.enabled:

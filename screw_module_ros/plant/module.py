@@ -48,10 +48,27 @@ class Vertical(NamedTuple):
     grip_height: Annotated[float, Setting("hand above the transducer", "m", 0.0, 0.5)]
 
 
+class Grip(NamedTuple):
+    """The soft tissue of a hand between handle and arm; with stiffness 0 the hand is rigid.
+
+    stiffness [N/m], damping [Ns/m], mass: of what moves with the handle [kg]; limit: a grip does
+    not slip.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    mass: float = 0.0
+    limit: float = math.inf
+
+
+_RIGID = Grip()
+
+
 class VerticalParams(NamedTuple):
     """Everything `vertical_step` needs, for substeps of `dt` [s].
 
-    turn_rate: 2 pi / lead [rad/m]; force_lag: time constant of the transducer's filter [s].
+    turn_rate: 2 pi / lead [rad/m]; force_lag: time constant of the transducer's filter [s];
+    hysteresis: half the width of the transducer's loop [N]; grip: of the hand.
     """
 
     module: Vertical
@@ -63,6 +80,8 @@ class VerticalParams(NamedTuple):
     turn_rate: float
     dt: float
     force_lag: float = 0.0
+    hysteresis: float = 0.0
+    grip: Grip = _RIGID
 
 
 class ModuleInput(NamedTuple):
@@ -95,7 +114,8 @@ class ModuleState(NamedTuple):
     and the three commands before [A]; torque: on the rotor [Nm]; rotor_angle, rotor_velocity: of
     the rotor locked to the transducer [rad], [rad/s]; way: travelled by the nut since power-on [m];
     rail_bristle: force of the friction on the handle's side [N]; mount [m], mount_velocity: of the
-    screw in its mount; filtered_force: patient_force behind the transducer's filter [N].
+    screw in its mount; filtered_force: patient_force behind the transducer's filter, shown_force:
+    behind its hysteresis too [N]; arm [m], arm_velocity: of an arm behind a soft grip.
     """
 
     nut: float
@@ -119,6 +139,9 @@ class ModuleState(NamedTuple):
     mount: float
     mount_velocity: float
     filtered_force: float
+    shown_force: float
+    arm: float
+    arm_velocity: float
 
 
 def vertical_params(
@@ -129,10 +152,13 @@ def vertical_params(
     arm: ArmForce,
     dt: float,
     force_bandwidth: float = math.inf,
+    hysteresis: float = 0.0,
+    grip: Grip = _RIGID,
 ) -> VerticalParams:
     """Return the parameters of `vertical_step` for substeps of dt [s].
 
-    force_bandwidth: of the transducer's filter [Hz]. Raises ValueError when dt does not suit the
+    force_bandwidth: of the transducer's filter [Hz]; hysteresis: half the width of its loop [N];
+    grip: of the hand. Raises ValueError when dt does not suit the
     amplifier's delay.
     """
     return VerticalParams(
@@ -145,6 +171,8 @@ def vertical_params(
         2.0 * math.pi / module.lead,
         dt,
         1.0 / (2.0 * math.pi * force_bandwidth),
+        hysteresis,
+        grip,
     )
 
 
@@ -159,6 +187,7 @@ def resting_state(module: Vertical, position: float, upright: float) -> ModuleSt
     return zeros._replace(
         nut=position,
         handle=position - sag,
+        arm=position - sag,
         bristle=-weight,
         friction=-weight,
         contact_force=-weight,

@@ -16,7 +16,7 @@ that rests on the handle.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..settings import Setting, fields, problem
 
@@ -111,11 +111,12 @@ def hand_point(path: HandPath, time: float) -> tuple[float, float]:
 
 
 def spring_terms(
-    arm: ArmForce, hand: float, hand_velocity: float, position: float, velocity: float
+    arm: Any, hand: float, hand_velocity: float, position: float, velocity: float
 ) -> tuple[float, float, float]:
     """Return (stiffness, damping, constant force) that act over one substep on one axis.
 
-    A weak arm at its limit is a constant force. hand, position [m]; velocities [m/s].
+    arm: an `ArmForce`, or the `Grip` of a hand; at its limit it is a constant force. hand,
+    position [m]; velocities [m/s].
     """
     force = arm.stiffness * (hand - position) + arm.damping * (hand_velocity - velocity)
     if force > arm.limit:
@@ -182,7 +183,7 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
                               for axis, old in enumerate(patient.paths)])  # fmt: skip
 
 
-def _replaced(arm: HumanArm, name: str, value) -> HumanArm:
+def _replaced(arm: HumanArm, name: str, value: Any) -> HumanArm:
     wrong = problem(fields(HumanArm)[name], value)
     if wrong:
         raise ValueError(wrong)

@@ -45,6 +45,9 @@ class Sensor(NamedTuple):
     torque_drift: Annotated[float, Setting("zero, when warm", "Nm", 0.0, 10.0)]
     drift_time: Annotated[float, Setting("warm-up time constant", "s", 1.0, 1e5)]
     bandwidth: Annotated[float, Setting("first-order filter, force along z", "Hz", 10.0, 1e5)]
+    hysteresis: Annotated[
+        float, Setting("half the width of the loop, force along z", "N", 0.0, 10.0)
+    ] = 0.0
 
 
 class SensorParams(NamedTuple):
@@ -62,7 +65,9 @@ def sensor_params(sensor: Sensor, seed: int) -> SensorParams:
     draw = random.Random(f"transducer {seed}")
 
     def axes(force: float, torque: float) -> Wrench:
-        return tuple(draw.gauss(0.0, force if axis < 3 else torque) for axis in range(6))
+        spreads = force, force, force, torque, torque, torque
+        fx, fy, fz, tx, ty, tz = (draw.gauss(0.0, spread) for spread in spreads)
+        return fx, fy, fz, tx, ty, tz
 
     return SensorParams(
         sensor.force_noise,

@@ -6,12 +6,13 @@ from __future__ import annotations
 import math
 import random
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..resources import resource_path
-from ..settings import Setting, read_file
+from ..settings import Setting
+from ..settings_file import read_file
 from .amplifier import Amplifier, amplifier_step_settings
-from .friction import Friction
+from .friction import Friction, FrictionMap
 from .instruments import Transducer
 from .module import Vertical
 from .patient import HumanArm
@@ -93,10 +94,11 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
     def about(value: float, spread: float) -> float:
         return _about(draw, value, spread)
 
-    def map_about(settled):
+    def map_about(settled: FrictionMap) -> FrictionMap:
         ripple = math.exp(draw.uniform(-0.4, 0.4))
+        rotation: Any = tuple(ripple * number for number in settled.rotation)  # as many as before
         return settled._replace(
-            rotation=tuple(ripple * number for number in settled.rotation),
+            rotation=rotation,
             slope=about(settled.slope, 0.3),
             intercept=about(settled.intercept, 0.1),
             low_scale=about(settled.low_scale, 0.1),
@@ -170,12 +172,12 @@ def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
     )
 
 
-def _bent(branch, draw: random.Random):
+def _bent(branch: FrictionMap, draw: random.Random) -> FrictionMap:
     """Return a map whose trend is tilted and bent by up to 1.2 N at the ends of the screw."""
     tilt, bend = draw.uniform(-1.2, 1.2), draw.uniform(-1.2, 1.2)
     length = 355.0  # [mm] of the map
     added = (4.0 * bend / length**2, (2.0 * tilt - 4.0 * bend) / length, bend / 3.0 * 2.0 - tilt)
-    trend = tuple(
+    trend: Any = tuple(  # as many as before
         old + more for old, more in zip(branch.trend, (0.0,) * 5 + added, strict=True)
     )
     return branch._replace(trend=trend)

@@ -90,21 +90,21 @@ def advance_packed(
     n = numbers
     vertical = ModuleState(
         n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14],
-        n[15], n[16], n[17], n[18], n[19], n[20], n[21],
+        n[15], n[16], n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
     )  # fmt: skip
     planar = ManusState(
-        n[22], n[23], n[24], n[25], n[26], n[27], n[28], n[29], n[30], n[31]
+        n[25], n[26], n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34]
     )  # fmt: skip
     s = SimulationState(
-        int(n[0]), vertical, planar, n[32], n[33], n[34], n[35], n[36], n[37]
+        int(n[0]), vertical, planar, n[35], n[36], n[37], n[38], n[39], n[40]
     )  # fmt: skip
     s = advance(parameters[0], s, vertical_input, planar_input, steps)
     n[0] = s.ticks
-    for i in range(21):
+    for i in range(24):
         n[1 + i] = s.vertical[i]
     for i in range(10):
-        n[22 + i] = s.planar[i]
-    n[32], n[33], n[34], n[35], n[36], n[37] = s.x, s.y, s.z, s.vx, s.vy, s.vz
+        n[25 + i] = s.planar[i]
+    n[35], n[36], n[37], n[38], n[39], n[40] = s.x, s.y, s.z, s.vx, s.vy, s.vz
 
 
 def numbers_of(s: SimulationState) -> list[float]:
@@ -115,5 +115,5 @@ def numbers_of(s: SimulationState) -> list[float]:
 def state_of(numbers: list[float]) -> SimulationState:
     """Return the state with these numbers."""
     new = tuple.__new__  # each millisecond: without the calls of their constructors
-    vertical, planar = new(ModuleState, numbers[1:22]), new(ManusState, numbers[22:32])
-    return SimulationState(int(numbers[0]), vertical, planar, *numbers[32:])
+    vertical, planar = new(ModuleState, numbers[1:25]), new(ManusState, numbers[25:35])
+    return SimulationState(int(numbers[0]), vertical, planar, *numbers[35:])

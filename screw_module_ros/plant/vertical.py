@@ -8,7 +8,8 @@ friction can remove energy but not add any.
 
 z is positive up the screw also when the module hangs upside down. `patient_force` is the force of
 the patient (arm or stage) on the robot at the transducer, so it contains the reaction of the arm's
-own mass; friction is positive where it opposes upward motion (F_f in thesis 5.3).
+own mass, or of the hand's where a soft grip lies between the two; friction is positive where it
+opposes upward motion (F_f in thesis 5.3).
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleSt
         return ModuleState(
             s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
             current, history_1, history_2, history_3, drive, angle, speed,
-            s.way, s.rail_bristle, s.mount, 0.0, 0.0,
+            s.way, s.rail_bristle, s.mount, 0.0, 0.0, 0.0, s.arm, 0.0,
         )  # fmt: skip
     nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient, rail = _move(
         p, s, u, drive
@@ -57,10 +58,13 @@ def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleSt
     load = s.load + (moment - s.load) * p.dt / (p.friction.load_time + p.dt)
     mount, mount_velocity = _mount(p, s, contact)
     filtered = s.filtered_force + (patient - s.filtered_force) * p.dt / (p.force_lag + p.dt)
+    shown = min(max(s.shown_force, filtered - p.hysteresis), filtered + p.hysteresis)
+    arm, arm_velocity = _arm(p, s, u, handle, handle_velocity)
     return ModuleState(
         nut, nut_velocity, handle, handle_velocity, bristle, load, friction, patient, contact,
         current, history_1, history_2, history_3, drive - brake, 0.0, 0.0,
-        s.way + abs(nut_velocity) * p.dt, rail, mount, mount_velocity, filtered,
+        s.way + abs(nut_velocity) * p.dt, rail, mount, mount_velocity, filtered, shown,
+        arm, arm_velocity,
     )  # fmt: skip
 
 
@@ -76,6 +80,26 @@ def _mount(p: VerticalParams, s: ModuleState, contact: float) -> tuple[float, fl
     push = contact - m.mount_stiffness * s.mount + m.mount_mass / p.dt * s.mount_velocity
     velocity = push / (m.mount_mass / p.dt + m.mount_damping + m.mount_stiffness * p.dt)
     return s.mount + p.dt * velocity, velocity
+
+
+def _arm(
+    p: VerticalParams, s: ModuleState, u: ModuleInput, handle: float, handle_velocity: float
+) -> tuple[float, float]:
+    """Return position [m] and velocity of the arm, which a soft grip ties to the handle.
+
+    Springs and dampers to the virtual hand and to the handle are implicit.
+    """
+    if p.grip.stiffness == 0.0 or u.fixture != HUMAN_ARM:
+        return handle, handle_velocity
+    stiffness, viscous, steady = spring_terms(
+        p.arm, u.hand, u.hand_velocity, s.arm, s.arm_velocity
+    )
+    steady += stiffness * (u.hand - s.arm) + viscous * u.hand_velocity - u.upright * p.arm.weight
+    grip = p.grip.stiffness * (handle - s.arm) + p.grip.damping * handle_velocity
+    push = p.arm.mass / p.dt * s.arm_velocity + steady + grip
+    firm = viscous + p.grip.damping + (stiffness + p.grip.stiffness) * p.dt
+    velocity = push / (p.arm.mass / p.dt + firm)
+    return s.arm + p.dt * velocity, velocity
 
 
 def _friction_level(p: VerticalParams, s: ModuleState, upright: float) -> float:
@@ -130,13 +154,22 @@ def _move(
     weight = m.moving_mass * m.gravity
     mass = m.moving_mass
     stiffness, viscous, steady = 0.0, 0.0, 0.0
-    if u.fixture == HUMAN_ARM:
-        mass += p.arm.mass
-        weight += p.arm.weight
+    carried, own_weight = 0.0, 0.0  # of the hand or the arm
+    if u.fixture == HUMAN_ARM and p.grip.stiffness > 0.0:
+        carried = p.grip.mass
+        stiffness, viscous, steady = spring_terms(
+            p.grip, s.arm, s.arm_velocity, s.handle, s.handle_velocity
+        )
+        ahead = s.arm + dt * s.arm_velocity  # else the spring would damp a motion of both
+        steady += stiffness * (ahead - s.handle) + viscous * s.arm_velocity
+    elif u.fixture == HUMAN_ARM:
+        carried, own_weight = p.arm.mass, p.arm.weight
         stiffness, viscous, steady = spring_terms(
             p.arm, u.hand, u.hand_velocity, s.handle, s.handle_velocity
         )
         steady += stiffness * (u.hand - s.handle) + viscous * u.hand_velocity
+    mass += carried
+    weight += own_weight
     stop, stopped = _stop_terms(m, s.handle, s.handle_velocity, dt)
     stop_gain = stopped * (m.stop_stiffness * dt + m.stop_damping)
     rail_keep, rail_slope, _ = bristle_terms(
@@ -163,7 +196,7 @@ def _move(
         patient = mass * acceleration + contact - own + stop_gain * handle_velocity
     elif u.fixture == HUMAN_ARM:
         patient = steady - (stiffness * dt + viscous) * handle_velocity
-        patient -= p.arm.mass * acceleration + u.upright * p.arm.weight
+        patient -= carried * acceleration + u.upright * own_weight
     else:
         patient = 0.0
     rail = settled_bristle(

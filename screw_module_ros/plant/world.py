@@ -125,7 +125,7 @@ class World:
         return self._prepared(
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
-                                s.sensor.bandwidth),
+                                s.sensor.bandwidth, s.sensor.hysteresis),
                 planar_params(s.planar, arm, s.substep),
                 *self._patient.paths,
             )
@@ -220,7 +220,7 @@ class World:
         true = true_wrench(
             plane.force_x,
             plane.force_y,
-            v.filtered_force,
+            v.shown_force,
             self.settings.vertical.grip_height,
             self.settings.transducer.stiffness * v.rotor_angle,
         )

@@ -99,8 +99,8 @@ def build_devices(
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
-            axis, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
-            yield _drive(name, ports["planar"], rating, axis, physics, make)
+            joint, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
+            yield _drive(name, ports["planar"], rating, joint, physics, make)
 
 
 def vertical_rating(settings: RigSettings) -> DriveRating:

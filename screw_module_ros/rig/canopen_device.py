@@ -280,7 +280,7 @@ class CanopenDevice(SimulatedDevice):
         return handlers | {_NMT_ID: self._on_nmt}
 
     def _device_type(self) -> int:
-        return _DIGITAL_IO if self.wrong_profile else self.node.variable(0x1000, 0).default
+        return _DIGITAL_IO if self.wrong_profile else self.node.variable(0x1000, 0).default or 0
 
     # Faults.
 

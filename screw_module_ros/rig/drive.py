@@ -72,7 +72,8 @@ class SimulatedDrive(CanopenDevice):
         make: Profile = ANY_DRIVE,
     ):
         super().__init__(name, link, settings.node_id, "drive.eds", make)
-        self._own_modes = make.objects["6502"].value if "6502" in make.objects else _MODES
+        declared = make.objects["6502"].value if "6502" in make.objects else None
+        self._own_modes = _MODES if declared is None else declared
         self.settings = settings
         self.axis = axis
         self.machine = cia402.StateMachine(lambda index: self.node.optional(index, 0, 0))

@@ -95,7 +95,7 @@ class SimulatedForceSensor(SimulatedDevice):
 
     def _handlers(self) -> dict[int, Handler]:
         """Return a handler for each opcode; only a request of the right length is answered."""
-        requests = {
+        requests: dict[int, tuple[int, Handler]] = {
             READ_GAUGES: (0, self._read_gauges),
             READ_MATRIX: (1, self._read_matrix),
             READ_SERIAL: (0, partial(self._read_constant, READ_SERIAL)),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import canopen
 from canopen.objectdictionary import NUMBER_TYPES, ODRecord, ODVariable, datatypes
@@ -72,7 +73,9 @@ class ObjectDictionary(canopen.LocalNode):
         for key, trait in traits.items():
             _give(dictionary, *key_of(key), trait, node_id)
         super().__init__(node_id, dictionary)
-        self.sdo.send_response = lambda response: send(self.sdo.tx_cobid, bytes(response))
+        self.sdo.send_response = lambda response: send(  # type: ignore[method-assign]  # its hook
+            self.sdo.tx_cobid, bytes(response)
+        )
         self.sources: dict[Key, Callable[[], int]] = {}
         self.sinks: dict[Key, Callable[[int], None]] = {}
         self.checks: list[Callable[[int, int, int], None]] = []
@@ -105,7 +108,7 @@ class ObjectDictionary(canopen.LocalNode):
 
     def variable(self, index: int, subindex: int) -> ODVariable:
         """Return the entry of the dictionary; SdoAbortedError when there is none."""
-        entry = self.object_dictionary.indices.get(index)
+        entry: Any = self.object_dictionary.indices.get(index)
         require(entry is not None, NO_OBJECT)
         if isinstance(entry, ODVariable):
             entry = entry if subindex == 0 else None
@@ -124,8 +127,9 @@ class ObjectDictionary(canopen.LocalNode):
         stored = self._stored.get((index, subindex))
         if stored is not None:
             return stored
-        require(variable.default is not None, NO_RESOURCE)
-        return variable.encode_raw(variable.default)
+        default: Any = variable.default
+        require(default is not None, NO_RESOURCE)
+        return variable.encode_raw(default)
 
     def set_data(
         self, index: int, subindex: int, data: bytes, check_writable: bool = False
@@ -135,7 +139,7 @@ class ObjectDictionary(canopen.LocalNode):
         require(variable.writable or not check_writable, READ_ONLY)
         require(variable.data_type in NUMBER_TYPES, READ_ONLY)
         require(8 * len(data) == len(variable), WRONG_LENGTH)
-        value = variable.decode_raw(bytes(data))
+        value = _number(variable, bytes(data))
         require(variable.max is None or value <= variable.max, VALUE_TOO_HIGH)
         require(variable.min is None or value >= variable.min, VALUE_TOO_LOW)
         for check in self.checks:
@@ -148,7 +152,7 @@ class ObjectDictionary(canopen.LocalNode):
 
     def value(self, index: int, subindex: int = 0) -> int:
         """Return an object's present number."""
-        return self.variable(index, subindex).decode_raw(self.get_data(index, subindex))
+        return _number(self.variable(index, subindex), self.get_data(index, subindex))
 
     def has(self, index: int, subindex: int = 0) -> bool:
         """Return whether the device has an object."""
@@ -173,11 +177,18 @@ class ObjectDictionary(canopen.LocalNode):
         self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
 
 
+def _number(variable: ODVariable, data: bytes) -> int:
+    """Return what the bytes of a whole number stand for."""
+    value = variable.decode_raw(data)
+    assert isinstance(value, int)
+    return value
+
+
 def _give(
     dictionary: canopen.ObjectDictionary, index: int, subindex: int, trait: ObjectTrait, node: int
 ) -> None:
     """Make one object of a dictionary what it is at a maker's device. node: its node id."""
-    entry = dictionary.indices.get(index)
+    entry: Any = dictionary.indices.get(index)
     if trait.absent:
         if subindex:
             entry.subindices.pop(subindex)

@@ -66,7 +66,7 @@ _RESTRICTED_IDS = (
 )
 _MS = 1_000_000
 _INHIBIT_UNIT = 100_000
-_CODES = {
+_CODES: dict[int | None, str] = {
     BOOLEAN: "B",
     INTEGER8: "b",
     INTEGER16: "h",

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from screw_module_ros.plant.world import World
 
@@ -176,5 +177,5 @@ class PlanarAxis(Axis):
         world.planar_braked = _with(world.planar_braked, index, braked)
 
 
-def _with(pair: tuple, index: int, value) -> tuple:
+def _with(pair: tuple[Any, Any], index: int, value: Any) -> tuple[Any, Any]:
     return (value, pair[1]) if index == 0 else (pair[0], value)

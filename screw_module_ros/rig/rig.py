@@ -131,8 +131,9 @@ class Rig:
         self.physics.resume()
         awaited = [self._ports[name] for name in _AWAITED if name in self._ports]
         # A dictionary keeps each port once, at its first place.
-        ports = {port.fileno(): port for port in (*awaited, *self._distinct)}
-        if None in ports:
+        found = {port.fileno(): port for port in (*awaited, *self._distinct)}
+        ports = {number: port for number, port in found.items() if number is not None}
+        if None in found:
             self._run_without_waiting(should_stop)
             return
         descriptors, clock, wait = list(ports), self._clock.now_ns, select.select
@@ -240,7 +241,7 @@ class Rig:
         """The counters, over all buses."""
         names = RigCounters._fields[:-1]
         sums = [sum(getattr(port, name) for port in self._distinct) for name in names]
-        return RigCounters(*sums, self.physics.slipped)
+        return RigCounters(**dict(zip(names, sums, strict=True)), slipped=self.physics.slipped)
 
     def close(self) -> None:
         """Release the motors and stop listening; the caller closes the buses."""

@@ -10,9 +10,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, NamedTuple
 
-from ..samples import FORCE_FAULT_MASK, FORCE_STATUS_BITS, sequence_gap
+from ..samples import (
+    FORCE_FAULT_MASK,
+    FORCE_STATUS_BITS,
+    EncoderReading,
+    ForceReading,
+    sequence_gap,
+)
 from ..settings import Setting
 from .latch import Latch
 
@@ -69,30 +75,6 @@ class FreezeSettings(NamedTuple):
         float, Setting("such torque without a change of count means a frozen position, 0 = off",
                        "s", 0.0, 10.0)
     ] = 0.1
-
-
-class EncoderLike(Protocol):
-    """An EncoderReading or an EncoderSample message."""
-
-    sequence: int
-    monotonic_ns: int
-    position: float
-    velocity: float
-    homed: bool
-
-
-class ForceLike(Protocol):
-    """A ForceReading or a ForceSample message."""
-
-    sequence: int
-    monotonic_ns: int
-    fx: float
-    fy: float
-    fz: float
-    tx: float
-    ty: float
-    tz: float
-    status: int
 
 
 class Stream:
@@ -174,7 +156,7 @@ class Motion:
 
 
 def encoder_problem(
-    bounds: WatchSettings, motion: Motion, sample: EncoderLike, period_ns: int
+    bounds: WatchSettings, motion: Motion, sample: EncoderReading, period_ns: int
 ) -> str:
     """Return why a new encoder sample cannot be real: lost home, too fast, out of travel, a jump.
 
@@ -196,12 +178,12 @@ def encoder_problem(
     return jump
 
 
-def is_measured(sample: EncoderLike) -> bool:
+def is_measured(sample: EncoderReading) -> bool:
     """Return whether position and velocity of a sample are finite numbers."""
     return math.isfinite(sample.position) and math.isfinite(sample.velocity)
 
 
-def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderLike, period_ns: int) -> str:
+def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderReading, period_ns: int) -> str:
     """Return a gap between samples, or a change of speed that no motor can make."""
     last_ns, last = motion.monotonic_ns, motion.position
     motion.monotonic_ns, motion.position = sample.monotonic_ns, sample.position
@@ -221,7 +203,7 @@ def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderLike, period_ns:
     return f"encoder: jumped by {jump:.4g} mm, more than any motor can move it"
 
 
-def force_problem(sample: ForceLike, size: float, largest: float) -> str:
+def force_problem(sample: ForceReading, size: float, largest: float) -> str:
     """Return why a force sample must not be used, or stops the robot.
 
     size: of the force on the axes that are judged; largest: what stops them, both [N].
@@ -235,7 +217,7 @@ def force_problem(sample: ForceLike, size: float, largest: float) -> str:
     return ""
 
 
-def is_finite(sample: ForceLike) -> bool:
+def is_finite(sample: ForceReading) -> bool:
     """Return whether every force and torque of a sample is a finite number."""
     return math.isfinite(sample.fx + sample.fy + sample.fz + sample.tx + sample.ty + sample.tz)
 
@@ -278,14 +260,14 @@ class VerticalChecks:
         """Whether there was a force sample; its age is watched from then on."""
         return self._force.seen
 
-    def encoder(self, sample: EncoderLike, now_ns: int) -> bool:
+    def encoder(self, sample: EncoderReading, now_ns: int) -> bool:
         """Check an encoder sample; return whether the controller may use it."""
         if not self._encoder.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return False
         self.fault.set(encoder_problem(self._settings, self._motion, sample, self._period_ns))
         return is_measured(sample)
 
-    def force(self, sample: ForceLike, now_ns: int) -> bool:
+    def force(self, sample: ForceReading, now_ns: int) -> bool:
         """Check a force sample; return whether the controller may use it."""
         if not self._force.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return False
@@ -336,7 +318,7 @@ class Agreement:
         self._apart_since_ns: int | None = None
 
     def restart(self) -> None:
-        """Take the next pair as the new reference; call it after homing and after a restart."""
+        """Take the next pair as the new reference: after a homing, a reset, a silence."""
         self._reference = self._apart_since_ns = None
 
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str:

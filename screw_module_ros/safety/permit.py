@@ -56,9 +56,17 @@ class PermitSettings(NamedTuple):
 class Switch(Protocol):
     """What the gate needs of a drive."""
 
-    fault: str
-    recovering: bool
-    leaving: bool
+    @property
+    def fault(self) -> str:
+        """Why it cannot work, empty if it can."""
+
+    @property
+    def recovering(self) -> bool:
+        """Whether it recovers from a fault."""
+
+    @property
+    def leaving(self) -> bool:
+        """Whether it is on its way out of operation enabled."""
 
     def is_on(self, now_ns: int) -> bool:
         """Return whether it is in operation enabled, by a fresh statusword."""

@@ -17,7 +17,8 @@ from typing import Annotated, Any, NamedTuple
 import yaml
 
 from ..resources import resource_path
-from ..settings import Setting, SettingError, parse, plain, read, read_text
+from ..settings import Setting, SettingError, plain, read
+from ..settings_file import parse, read_text
 from .hand import AXES, Point
 from .protocol import Protocol, plan, points, ways
 from .wishes import WishLimits

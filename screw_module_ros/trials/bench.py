@@ -39,8 +39,8 @@ from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench
-from screw_module_ros.identification.pool import worker_pool
-from screw_module_ros.identification.trials import MotionTrial, StageTrial, Trial
+from screw_module_ros.identification.lab import worker_pool
+from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.plant.world import ArmSettings
@@ -90,7 +90,7 @@ LEGEND = (
 SUBSCRIBED = (topics.ENDPOINT_STATE, topics.THERAPY_STATE)
 """Topics of the patient's page, see bridge/pages/static/js/patient/main.js."""
 LOOP_S = 60.0
-LOOP_TRIALS: dict[str, Trial] = {
+LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
     "closed loop, combined law, arm": MotionTrial(
         modes.COMBINED, VerticalSettings(), duration=LOOP_S
     ),
@@ -221,8 +221,9 @@ Stepped = Mapping[StepCase, Sequence[StepRun]]
     "--json", "file", default="bench_output.json", type=OutputFile(), help="Output file.",
 )  # fmt: skip
 def bench(
-    console: Console, runs: int, seconds: float, quick: bool, only, rates, bridge: bool, file: Path
-) -> bool:
+    console: Console, runs: int, seconds: float, quick: bool, only: tuple[str, ...],
+    rates: tuple[int, ...], bridge: bool, file: Path,
+) -> bool:  # fmt: skip
     """Measure and say."""
     if quick:
         runs, seconds = 1, 5.0
@@ -266,8 +267,9 @@ def bench(
                 loop = speeds(runs, pool, cores)
     finally:  # an interruption loses no finished run
         if measured:
-            tables = (timing_table, lambda _: LEGEND, page_table, processor_table)
-            console.show(*filter(None, (table(measured) for table in tables)))
+            pages = page_table(measured)
+            console.show(timing_table(measured), LEGEND, *([pages] if pages else []))
+            console.show(processor_table(measured))
         if stepped:
             console.show(*step_tables(stepped))
         if calls:
@@ -601,10 +603,9 @@ def one_run(name: str) -> float:
     """
     bench, trial = InProcessBench(load_world()), LOOP_TRIALS[name]
     if isinstance(trial, StageTrial):
-        short = trial._replace(end=trial.start + 0.001)
+        bench.record(trial._replace(end=trial.start + 0.001), lambda share: None)
     else:
-        short = trial._replace(duration=0.1)
-    bench.record(short, lambda share: None)
+        bench.record(trial._replace(duration=0.1), lambda share: None)
     begun = time.perf_counter()
     samples = bench.record(trial, lambda share: None)
     return float(samples.time[-1]) / (time.perf_counter() - begun)
@@ -689,13 +690,15 @@ def step_tables(stepped: Stepped) -> list[Table]:
     factors = _table(title, ("processes",), "processes", "x real time", "wanted", "",
                      "processor, ms a tick", "wanted", "")  # fmt: skip
     for case, runs in stepped.items():
-        least, most = WANTED_STEPS.get(tuple(case), (math.nan, math.nan))
+        least, most = WANTED_STEPS.get(
+            (case.processes, case.recorder), (math.nan, math.nan)
+        )
         factor = spreads([{_SUM: run.factor} for run in runs])[_SUM]
-        spent = spreads([_with_sum(run.processor) for run in runs])[_SUM]
+        whole = spreads([_with_sum(run.processor) for run in runs])[_SUM]
         factors.add_row(
             case.title,
             _spread_text(factor, "%"), _limit(least), _met(factor.median >= least, least),
-            _spread_text(spent, "%"), _limit(most), _met(spent.median <= most, most),
+            _spread_text(whole, "%"), _limit(most), _met(whole.median <= most, most),
         )  # fmt: skip
     shares = _table(
         "A tick of 1 ms by process: processor time in ms, voluntary context switches; medians",

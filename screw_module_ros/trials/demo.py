@@ -32,8 +32,8 @@ from screw_module_ros.identification.force_metric import (
     Offsets,
     Spring,
     common_ticks,
-    offset,
     offsets,
+    spring_force,
 )
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.counts import Counts
@@ -287,7 +287,9 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
     return Work(moving, Part(name, still, robot.clock.stamp_ns()))
 
 
-def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
+def play(
+    robot: Robot, ways: list[Way], duration: float, passed: Callable[[float], None]
+) -> None:
     """Publish set points as a game does, for `duration` [s]; move the patient's hand with them."""
     begun_ns = robot.clock.now_ns()
     coming = list(ways)
@@ -322,7 +324,9 @@ def evaluated(
     traces = [trace(topics, part.moving) for part in parts]
     found = [offsets(one.position, one.velocity, undamped(one), SPRING) for one in traces]
     still = [trace(topics, part.holding) for part in parts]
-    held = [float(np.abs(offset(one.position, undamped(one), SPRING)).mean()) for one in still]
+    held = [
+        float(np.abs(undamped(one) - spring_force(one.position, SPRING)).mean()) for one in still
+    ]
     paths = [path(topics, part.whole) for part in parts]
     whole = Part("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
@@ -459,7 +463,7 @@ def _offset_table(results: Results) -> Table:
     )
     numbers = ("up", "down", "moving", "holding")
     for name in ("mode", *numbers, "thesis", "wanted moving", ""):
-        table.add_column(name, justify="right" if name in numbers else None)
+        table.add_column(name, justify="right" if name in numbers else "left")
     for part, found, held in zip(results.parts, results.offsets, results.held, strict=True):
         mode = MODES[part.name]
         newtons = (f"{value:.1f} N" for value in (found.up, found.down, found.mean))
@@ -499,7 +503,7 @@ def _gaps(counts: Mapping[str, Counts]) -> list[Table | str]:
         return [f"{line}, nothing missing."]
     table = Table(title="Topics with missing messages")
     for name in ("topic", "messages", "ticks lost", "not received", "not written"):
-        table.add_column(name, justify=None if name == "topic" else "right")
+        table.add_column(name, justify="left" if name == "topic" else "right")
     for name, count in sorted(holes.items()):
         numbers = (count.messages, count.lost, max(0, count.missed), count.dropped)
         table.add_row(name, *map(str, numbers))

@@ -10,6 +10,7 @@ import math
 import threading
 import uuid
 from collections import deque
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import can
@@ -18,7 +19,7 @@ from can.interfaces.virtual import VirtualBus
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import ManualClock, PlainArrivals
+from screw_module_ros.clock import Clock, ManualClock, PlainArrivals
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
@@ -30,6 +31,7 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
@@ -64,9 +66,9 @@ class BenchClock(ManualClock):
     `settle` lets the other thread run until it waits again, so that a run can be repeated exactly.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__(_START_NS)
-        self.serve = lambda: None
+        self.serve: Callable[[], object] = lambda: None
         self._loop = threading.current_thread()
         self._turn = threading.Condition()
         self._may_go_on = True
@@ -113,6 +115,8 @@ class BenchClock(ManualClock):
 class Served(PlainArrivals):
     """What the rig sends on one bus: it may answer before time moves."""
 
+    _clock: BenchClock
+
     def receive(self, until_ns: int) -> Frame | None:
         """Return the next frame; None without one, when time has moved to `until_ns`."""
         waiting = self._frames.queue
@@ -134,6 +138,9 @@ class FrameQueue(deque):
 
 class InProcessBus(VirtualBus):
     """python-can's `virtual` bus without a message for each frame and a lock for each queue."""
+
+    queue: Any  # a FrameQueue, in place of a `queue.Queue`
+    channel: list[Any]
 
     def __init__(self, channel: str):
         super().__init__(channel)
@@ -184,7 +191,7 @@ class Bench:
         sensor_profile: str = NETCANOEM,
     ):
         name = uuid.uuid4().hex
-        self._buses = []
+        self._buses: list[can.BusABC] = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
         self.world = World(load_world(), seed)
         self.clock = BenchClock()
@@ -208,7 +215,7 @@ class Bench:
         drive = drive or DriveSettings()
         self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
-        self.planar_drives = tuple(
+        shoulder, elbow = (
             Drive(
                 self.ports["planar"],
                 drive._replace(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0,
@@ -219,6 +226,7 @@ class Bench:
             )
             for node, label in ((3, "shoulder"), (4, "elbow"))
         )
+        self.planar_drives = shoulder, elbow
         self.controller = VerticalController(
             VerticalSettings(),
             thesis_friction(),
@@ -245,7 +253,9 @@ class Bench:
         self._sample: EncoderReading | None = None
         self._readings: list[ForceReading] = []
         self._make_loops()
-        self.devices = (self.encoder, self.force_sensor, self.drive, *self.planar_drives)
+        self.devices: tuple[Encoder | ForceSensor | Drive, ...] = (
+            self.encoder, self.force_sensor, self.drive, *self.planar_drives
+        )
 
     def _make_loops(self) -> None:
         clock, ports = self.clock, self.ports
@@ -309,7 +319,7 @@ class Bench:
         """Clear the vertical axis's faults; return what is left."""
         return self._asking(self.axis.permit.clear_fault)
 
-    def _asking(self, ask) -> str:
+    def _asking(self, ask: Callable[[Clock], str]) -> str:
         """Run a service in a thread while the loop ticks, as in the node."""
         answer: list[str] = []
         thread = threading.Thread(target=lambda: self.clock.end(answer, ask(self.clock)))

@@ -138,7 +138,7 @@ class SimulatedPlayer:
     def __init__(self, robot: Robot, person: Person):
         self._robot, self._person = robot, person
         self._state: TherapyState | None = None
-        self._wish: tuple[float, ...] | None = None
+        self._wish: tuple[float, float, float] | None = None
         self._wished_ns = 0
         self._seen: object = None
         make = robot.node.create_subscription
@@ -151,11 +151,11 @@ class SimulatedPlayer:
         if goal is None:
             return
         seen, point = goal
-        if seen != self._seen and all(map(math.isfinite, point)):
+        if seen != self._seen and any(map(math.isfinite, point)):  # NaN: the axis goes on
             self._seen = seen
             self._robot.send_arm(arm(point, self._person.duration, STILL, STILL))
 
-    def _goal(self) -> tuple[object, tuple[float, ...]] | None:
+    def _goal(self) -> tuple[object, tuple[float, float, float]] | None:
         """Return the identity of the current target, and the target [m]."""
         state = self._state
         if state is not None and state.state == TherapyState.RUNNING:
@@ -175,19 +175,25 @@ class SimulatedPlayer:
         share = 0.0 if prepares else self._person.reach
         begin, end = state.start, state.target
         ways = ((begin.x, end.x), (begin.y, end.y), (begin.z, end.z))
-        return (state.trial, prepares), tuple(a + share * (b - a) for a, b in ways)
+        x, y, z = (a + share * (b - a) for a, b in ways)
+        return (state.trial, prepares), (x, y, z)
 
     def _hear_state(self, message: TherapyState) -> None:
         self._state = message
 
     def _hear_wish(self, message: EndpointSetpoint) -> None:
         wish = (message.position.x, message.position.y, message.position.z)
-        point = tuple(
+        x, y, z = (
             clamp(asked, *reach) for asked, reach in zip(wish, WishLimits().ranges(), strict=True)
         )
         self._wished_ns = self._robot.clock.now_ns()
-        if self._wish is None or math.dist(point, self._wish) > _FAR_M:
-            self._wish = point
+        if self._wish is None or math.dist(_named((x, y, z)), _named(self._wish)) > _FAR_M:
+            self._wish = x, y, z
+
+
+def _named(wish: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a wish with 0 for the axes that it leaves alone."""
+    return tuple(axis if math.isfinite(axis) else 0.0 for axis in wish)
 
 
 def _on_circle(state: TherapyState, step: int) -> tuple[float, float, float]:

@@ -98,7 +98,8 @@ class Console:
                 yield lambda done: None
                 return
             with Progress(*columns, console=self._rich, transient=True) as bar:
-                task = bar.add_task(text, total=total, completed=before)
+                task = bar.add_task(text, total=total)
+                bar.update(task, completed=before)
                 yield lambda done: bar.update(task, completed=before + done)
 
     def show(self, *what: Table | str) -> None:
@@ -111,14 +112,14 @@ class Console:
         self._rich.print(f"[bold red]{text}[/]", soft_wrap=True)
 
 
-def command(name: str) -> Callable[[Callable[..., bool]], click.Command]:
+def command(name: str) -> Callable[[Callable[..., bool | None]], click.Command]:
     """Make a click command of a function of console and options, and exit codes of its outcomes.
 
     0; 1 for what can go wrong, with one sentence; 3 if it returns False (a wanted figure was
     missed) and --strict was given; 130 for Ctrl-C.
     """
 
-    def decorate(work: Callable[..., bool]) -> click.Command:
+    def decorate(work: Callable[..., bool | None]) -> click.Command:
         @functools.wraps(work)
         def run(**options: Any) -> None:
             end_without_domain(name)
@@ -177,6 +178,7 @@ class OutputFile(click.Path):
     def convert(self, value: Any, param: Any, ctx: Any) -> Path:
         """Return the path; exit with a message that names the option if it cannot be written."""
         file = super().convert(value, param, ctx)
+        assert isinstance(file, Path)
         if not file.parent.is_dir():
             self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
         if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
@@ -271,7 +273,7 @@ class GraphRun:
         self.wall_clock = wishes.get("wall_clock", False)
         self._stopping = StopFlag()
         self._processes: list[bringup.Process] = []
-        self._place: Place | None = None
+        self._place: Place
         self._may_end: set[str] = set()
         self.codes: dict[str, int] = {}
 

@@ -15,7 +15,7 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -202,7 +202,9 @@ class Work:
             DiagnosticStatus, "session_recorder/status", self._on_status, topics.STATE
         )
 
-    def carry_out(self, seconds: float, every: float, change: float, passed) -> None:
+    def carry_out(
+        self, seconds: float, every: float, change: float, passed: Callable[[float], None]
+    ) -> None:
         """Let hand and game move for `seconds`; sample and change the mode periodically [s]."""
         robot = self._robot
         robot.set_arm(arm(target=(0.0, 0.0, SPRING.centre), duration=1.0,
@@ -332,7 +334,8 @@ def _trend(name: tuple[str, str], samples: Sequence[Sample]) -> Trend | None:
     allowed = max(allowed, _PAGES) if bound.unit == "MiB" else allowed
     third = max(1, len(values) // 3)
     first, last = float(np.median(values[:third])), float(np.median(values[-third:]))
-    return Trend(*name, first, last, *(float(s) * span for s in (fit[0], fit[2], fit[3])), allowed)
+    growth, low, high = (float(slope) * span for slope in (fit[0], fit[2], fit[3]))
+    return Trend(*name, first, last, growth, low, high, allowed)
 
 
 def verdicts(

@@ -9,7 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.calibration.module import load_friction_model
-from screw_module_ros.control.friction import friction_force
+from screw_module_ros.control.friction import (
+    FALL_TIME,
+    Presliding,
+    compare_step,
+    friction_force,
+)
 
 FILE = Path(__file__).parents[2] / "params" / "friction_thesis.yaml"
 MODEL = load_friction_model(FILE)
@@ -81,3 +86,9 @@ def test_slope_round_rest_is_bounded(position, one, other):
 def test_held_outside_the_fitted_range(position, velocity):
     held = friction_force(MODEL, min(0.355, max(0.0, position)), min(0.15, max(-0.15, velocity)))
     assert friction_force(MODEL, position, velocity) == held
+
+
+def test_the_ratio_of_found_to_modelled_friction_starts_at_one():
+    memory = Presliding(modelled=10.0)
+    compare_step(memory, 5.0, 0.2, 0.1 * FALL_TIME)
+    assert memory.ratio == pytest.approx(1.0 - 0.5 * 0.1)

@@ -118,17 +118,20 @@ def test_jumps_are_illegal(before, after):
         (Goal.SWITCHED_ON, S.SWITCH_ON_DISABLED, 0b0_0110),
         (Goal.SWITCHED_ON, S.READY_TO_SWITCH_ON, 0b0_0111),
         (Goal.SWITCHED_ON, S.SWITCHED_ON, 0b0_0111),
-        (Goal.SWITCHED_ON, S.OPERATION_ENABLED, 0b0_0111),
+        (Goal.SWITCHED_ON, S.OPERATION_ENABLED, 0b0_0000),
     ],
 )
 def test_steps(goal, state, word):
     assert CONTROLWORD[goal][state] == word
 
 
+UP = (S.SWITCH_ON_DISABLED, S.READY_TO_SWITCH_ON, S.SWITCHED_ON, S.OPERATION_ENABLED)
+
+
 def test_everything_else_is_voltage_off():
     for goal, state in itertools.product(Goal, State):
-        on_the_way = goal is not Goal.OFF and S.SWITCH_ON_DISABLED <= state <= S.OPERATION_ENABLED
-        assert (CONTROLWORD[goal][state] == 0) != on_the_way
+        on_the_way = {Goal.OFF: (), Goal.SWITCHED_ON: UP[:-1], Goal.OPERATION_ENABLED: UP}[goal]
+        assert (CONTROLWORD[goal][state] == 0) == (state not in on_the_way)
 
 
 def test_operation_is_enabled_by_one_goal_only_and_no_table_resets_a_fault():

@@ -143,14 +143,30 @@ def test_torque_beyond_the_limit_is_cut_and_counted(wire, enabled):
     assert enabled.counters["saturated"] == 2
 
 
-def test_disable_is_one_command_down_to_switched_on(wire, enabled, drive_end):
+def test_disabling_is_voltage_off_then_up_to_switched_on(wire, enabled, drive_end):
+    """Voltage off coasts on every drive; to disable operation brakes as 605C says."""
     enabled.request_disable()
     assert tick(wire, enabled, 0.3) == 0.0
-    assert commands(wire)[-1] == "07 00 00 00"
-    assert drive_end.state == "switched on"
+    assert commands(wire)[-1] == "00 00 00 00"
+    assert drive_end.state == "switch on disabled"
     for _ in range(5):
         assert tick(wire, enabled, 0.3) == 0.0
+    assert commands(wire)[-1] == "07 00 00 00"
+    assert drive_end.state == "switched on"
     assert enabled.fault == ""
+
+
+def test_a_drive_that_shall_brake_is_disabled_by_its_ramp(wire, drive_end):
+    drive = started(wire, drive_end, SETTINGS._replace(stop_reaction="brake"))
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    drive.request_disable()
+    for _ in range(5):
+        tick(wire, drive, 0.3)
+        assert commands(wire)[-1] == "07 00 00 00"
+    assert drive_end.state == "switched on"
+    assert drive.fault == ""
 
 
 def test_enabling_again_waits_until_the_drive_has_left(wire, enabled, drive_end):
@@ -245,8 +261,8 @@ def test_whatever_the_drive_shows_torque_is_zero_unless_enabled_and_asked_for(sc
 def test_nothing_is_enabled_that_nobody_asked_for(wire, drive, drive_end):
     drive_end.state = "operation enabled"
     assert tick(wire, drive, 0.3) == 0.0
-    assert commands(wire)[-1] == "07 00 00 00"
-    assert drive_end.state == "switched on"
+    assert commands(wire)[-1] == "00 00 00 00"
+    assert drive_end.state == "switch on disabled"
 
 
 # -- exits nobody asked for ----------------------------------------------------------------------

@@ -54,7 +54,6 @@ def test_every_write_in_order(wire, drive_end):
         (0x1017, 0, 50), (0x1016, 1, 0x00700064),
         (0x6007, 0, 1), (0x605A, 0, 0), (0x605E, 0, 0),
         (0x6072, 0, 3810),  # 1.6 Nm
-        (0x605C, 0, 0),
     ]  # fmt: skip
 
 
@@ -277,8 +276,9 @@ def test_a_refusal_that_quotes_1017_does_not_end_the_watch_of_the_drives_heartbe
 
 
 def test_optional_ramps_that_are_refused_are_only_a_warning(wire, drive_end):
+    drive_end.objects[0x605C, 0] = b"\0\0"
     drive_end.refused[0x605C, 0] = 0x06090030
-    drive = configured(wire)
+    drive = configured(wire, SETTINGS._replace(stop_reaction="brake"))
     assert drive.unguarded == ()
     assert "disable reaction" in drive.warnings[0]
 
@@ -350,7 +350,7 @@ def test_clean_exit_order(wire, drive_end):
     assert drive_group.leave([drive], wire.port) == ""
     assert drive_end.writes == [(0x1400, 5, 0), (0x1016, 1, 0)]
     assert drive_end.state == "switched on"
-    disabled = wire.frames.index((0x201, b"\x07\x00\x00\x00"))
+    disabled = wire.frames.index((0x201, b"\x00\x00\x00\x00"))
     disarmed = wire.frames.index((0x601, bytes.fromhex("2B 00 14 05 00 00 00 00")))
     silent = wire.frames.index((0x601, bytes.fromhex("23 16 10 01 00 00 00 00")))
     assert disabled < disarmed < silent < wire.frames.index((0x000, bytes([0x80, 0x01])))

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The example game against a hand that follows its set points at once."""
+"""The example game against a hand that follows its wishes at once."""
 
 import math
+import os
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -14,67 +17,109 @@ from screw_module_msgs.msg import EndpointSetpoint, EndpointState
 
 ROOT = Path(__file__).parents[2]
 GAME = ROOT / "examples" / "fruit_game.py"
+FAR = (9.0, 9.0, 9.0)
+
+
+class Hand:
+    """The far end of the game: publishes states, notes wishes."""
+
+    def __init__(self, context):
+        self.node = rclpy.create_node("hand", context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self._states = self.node.create_publisher(EndpointState, "endpoint_state", 10)
+        self._wishes, self._subscription = [], None
+
+    def take_wishes(self):
+        """Subscribe to wishes, as therapy_session does."""
+        self._subscription = self.node.create_subscription(
+            EndpointSetpoint, "therapy/wish", lambda m: self._wishes.append(m.position), 10
+        )
+
+    def stand(self, x, y, z, valid=True, enabled=True):
+        """Publish one state; return the newest wish, None before the first."""
+        state = EndpointState(valid=[valid] * 3, enabled=[enabled] * 2)
+        state.position.x, state.position.y, state.position.z = x, y, z
+        self._states.publish(state)
+        self.executor.spin_once(timeout_sec=0.05)
+        newest = self._wishes[-1] if self._wishes else None
+        return newest and (newest.x, newest.y, newest.z)
 
 
 @pytest.fixture
 def hand():
-    """A node with a publisher of states and a list of the set points that came."""
     context = Context()
     rclpy.init(context=context)
-    node = rclpy.create_node("hand", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    pulled = []
-    node.create_subscription(EndpointSetpoint, "setpoint", lambda m: pulled.append(m.position), 10)
-    publisher = node.create_publisher(EndpointState, "endpoint_state", 10)
-
-    def stand(x: float, y: float, z: float) -> tuple[float, float, float] | None:
-        state = EndpointState()
-        state.position.x, state.position.y, state.position.z = x, y, z
-        publisher.publish(state)
-        executor.spin_once(timeout_sec=0.05)
-        return (pulled[-1].x, pulled[-1].y, pulled[-1].z) if pulled else None
-
-    yield stand
-    executor.shutdown()
-    node.destroy_node()
+    hand = Hand(context)
+    yield hand
+    hand.executor.shutdown()
+    hand.node.destroy_node()
     rclpy.try_shutdown(context=context)
 
 
 @pytest.fixture
 def game():
-    process = subprocess.Popen([sys.executable, GAME], stdout=subprocess.PIPE, text=True)
-    yield process
+    """The game's process and the lines that it has written."""
+    process = subprocess.Popen(
+        [sys.executable, GAME], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        env={**os.environ, "RCUTILS_LOGGING_BUFFERED_STREAM": "0"},
+    )  # fmt: skip
+    lines = []
+    reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
+    reader.start()
+    yield process, lines
     process.terminate()
-    process.communicate(timeout=20)
+    process.wait(timeout=20)
+    reader.join(timeout=5)
+    process.stdout.close()
 
 
-def test_the_pull_goes_to_the_next_fruit_once_one_is_picked(game, hand, wait_until):
-    aims = []
-
-    def far_away():
-        aims[:] = [hand(9.0, 9.0, 9.0)]
-        return aims[0]
-
-    wait_until(far_away, 30.0, "a set point of the game")
-    first = aims[0]
-    wait_until(lambda: hand(*first) != first, 10.0, "another fruit")
-    second = hand(9.0, 9.0, 9.0)
+def test_each_fruit_that_is_picked_is_told_and_another_one_wished_for(game, hand, wait_until):
+    hand.take_wishes()
+    wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
+    first = hand.stand(*FAR)
+    wait_until(lambda: hand.stand(*first) != first, 10.0, "another fruit")
+    second = hand.stand(*FAR)
     assert math.dist(first, second) > 0.1
+    wait_until(lambda: any("picked" in line for line in game[1]), 10.0, "the line")
+
+
+@pytest.mark.parametrize(
+    ("state", "why"),
+    [({"valid": False}, "not homed"), ({"enabled": False}, "torque is off")],
+)
+def test_it_says_why_nothing_moves(state, why, game, hand, wait_until):
+    hand.take_wishes()
+    wait_until(
+        lambda: hand.stand(*FAR, **state) and any(why in line for line in game[1]), 30.0, why
+    )
+
+
+def test_it_says_that_nobody_takes_its_wishes(game, hand, wait_until):
+    def told():
+        hand.stand(*FAR)
+        return any("therapy_session is not running" in line for line in game[1])
+
+    wait_until(told, 30.0, "the warning")
 
 
 def test_an_axis_without_home_picks_nothing(game, hand, wait_until):
-    wait_until(lambda: hand(9.0, 9.0, 9.0), 30.0, "a set point of the game")
-    first = hand(9.0, 9.0, 9.0)
-    assert {hand(first[0], first[1], math.nan) for _ in range(20)} == {first}
+    hand.take_wishes()
+    wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
+    first = hand.stand(*FAR)
+    assert {hand.stand(first[0], first[1], math.nan) for _ in range(20)} == {first}
 
 
-def test_it_says_at_once_where_hand_and_fruit_are(game, hand, wait_until):
-    """Also when no fruit is picked, and when an axis has no home."""
-    wait_until(lambda: hand(9.0, 9.0, math.nan), 30.0, "a set point of the game")
-    assert game.stdout.readline().startswith("hand (9.0, 9.0, nan), next fruit (0.08,")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_without_a_traceback(number, game, hand, wait_until):
+    hand.take_wishes()
+    wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
+    process, lines = game
+    process.send_signal(number)
+    assert process.wait(timeout=20) == 0
+    assert not any("Traceback" in line for line in lines)
 
 
-def test_the_readme_shows_this_very_game():
-    code = GAME.read_text().split('"""\n\n', 1)[1]
-    assert code in (ROOT / "README.md").read_text()
+def test_the_page_of_games_shows_this_very_game():
+    code = GAME.read_text("utf-8").split('"""\n\n', 1)[1]
+    assert code in (ROOT / "docs" / "games.md").read_text("utf-8")

@@ -15,7 +15,7 @@ from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
-from screw_module_ros.settings import load
+from screw_module_ros.settings_file import load
 
 PERIOD_NS = 1_000_000
 

@@ -9,7 +9,6 @@ from screw_module_ros.identification import compliant_mounting as mounting
 from screw_module_ros.identification.compliant_mounting import (
     Settings,
     absorber,
-    antiresonances,
     half_length_for,
     profile,
     resonances,
@@ -28,14 +27,9 @@ def result():
 
 def test_a_thin_bar_on_equal_springs_has_the_textbook_frequencies():
     stiffness = 2e6
-    found = profile(THIN, np.array([0.0, THIN.half_length]), stiffness, stiffness).frequency
+    found = profile(THIN, np.array([0.0, THIN.half_length]), stiffness, stiffness)[1]
     centre, end = math.sqrt(6 * stiffness / THIN.mass), math.sqrt(3 * stiffness / THIN.mass)
     assert found == pytest.approx(np.array([centre, end]) / (2 * math.pi))
-
-
-def test_case_1_reaches_the_wanted_frequency_with_little_to_spare(result):
-    assert 500.0 <= result.value("case1_frequency_least") < 520.0
-    assert 0.0 < result.value("case1_worst_position") < 0.18
 
 
 def test_the_softest_springs_of_case_2_give_the_wanted_frequency(result):
@@ -47,7 +41,7 @@ def test_the_softest_springs_of_case_2_give_the_wanted_frequency(result):
 def test_the_half_length_for_500_hz_gives_500_hz():
     half = half_length_for(DEFAULT)
     thin = Bar(3 * DEFAULT.inertia_across / half**2, 2 * half, 0.0)
-    assert mounting.case1(thin, mounting.positions(DEFAULT), DEFAULT).frequency.min() == (
+    assert mounting.case1(thin, mounting.positions(DEFAULT), DEFAULT)[1].min() == (
         pytest.approx(500.0)
     )
 
@@ -68,26 +62,9 @@ def test_peaks_are_those_of_two_masses_on_three_springs(z):
     assert resonances(absorber(THIN, settings)) == pytest.approx(expected)
 
 
-def test_damping_takes_energy_out_and_fills_the_dip():
-    settings = DEFAULT._replace(damping_top=500.0, damping_bottom=300.0, damping_ground=200.0)
-    poles = np.linalg.eigvals(absorber(THIN, settings).A)
-    poles = poles[np.abs(poles) > 1e-3 * np.abs(poles).max()]
-    assert (poles.real < -1.0).all()
-    at = antiresonances(absorber(THIN, DEFAULT))
-    damped = np.abs(response(absorber(THIN, settings), at))
-    assert damped > 1e3 * np.abs(response(absorber(THIN, DEFAULT), at))
-
-
 def test_the_response_is_that_of_the_state_space():
-    settings = DEFAULT._replace(damping_top=500.0, damping_ground=200.0)
-    system, omega = absorber(THIN, settings), np.array([150.0, 1500.0, 4000.0])
+    system, omega = absorber(THIN, DEFAULT), np.array([150.0, 1500.0, 4000.0])
     expected = [
         (system.C @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B))[0, 0] for w in omega
     ]
     assert response(system, omega) == pytest.approx(np.array(expected))
-
-
-def test_damping_beyond_critical_leaves_no_dip():
-    result = mounting.run(None, DEFAULT._replace(damping_top=1e5, damping_ground=1e5))
-    assert math.isnan(result.value("case3_antiresonance"))
-    assert result.data["case3_response"].shape == result.data["omega"].shape

@@ -11,8 +11,6 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_error import (
     Settings,
-    case_of,
-    pressed,
     reduced,
     run,
     trial_of,
@@ -33,7 +31,7 @@ def found(seed, mode, case, law=DEFAULT, **given):
     """Metric of a case on a rig at 1 kHz with 1.2 ms of delay."""
     world = load_world(None, seed)
     bench = InProcessBench(world, LoopSettings(rate=1000.0, command_delay=1.2e-3), seed or 1)
-    trial = trial_of(case_of(case), mode, with_damping(law, mode), **given)
+    trial = trial_of(case, mode, with_damping(law, mode), **given)
     part = reduced(trial, bench.record(trial, nothing))
     return ErrorOf(**{name: float(value) for name, value in part.items()})
 
@@ -100,7 +98,7 @@ def test_changed_mode_and_released_hand_make_no_jump():
     world = load_world(None, 7101)
     bench = InProcessBench(world, LoopSettings(rate=1000.0, command_delay=1.2e-3))
     law = with_damping(VerticalSettings(), modes.OBSERVER)
-    trial = trial_of(case_of("released"), modes.OBSERVER, law)
+    trial = trial_of("released", modes.OBSERVER, law)
     samples = bench.record(trial, lambda share: None)
     assert abs(samples.true_force[2900]) > 3.0
     assert abs(samples.true_force[3001:]).max() == 0.0, "let go"
@@ -124,7 +122,7 @@ def on_drawn_rig(seed, mode, case, law=DEFAULT):
     world = load_world(None, seed)
     world = world._replace(vertical=world.vertical._replace(play=draw.uniform(1e-4, 2e-4)))
     loop = LoopSettings(rate=1000.0, command_delay=draw.uniform(1.0e-3, 1.7e-3))
-    trial = trial_of(case_of(case), mode, with_damping(law, mode))
+    trial = trial_of(case, mode, with_damping(law, mode))
     part = reduced(trial, InProcessBench(world, loop, seed).record(trial, nothing))
     return ErrorOf(**{name: float(value) for name, value in part.items()})
 
@@ -172,7 +170,7 @@ def test_without_the_handle_s_truth_the_sensors_take_its_place():
     """As on the live graph: encoder and transducer, with the noise of the latter."""
     bench = InProcessBench(load_world(), LoopSettings(rate=1000.0))
     law = with_damping(DEFAULT, modes.OBSERVER)
-    trial = trial_of(pressed(case_of("small"), 0.0), modes.OBSERVER, law)
+    trial = trial_of("small", modes.OBSERVER, law, 0.0)
     assert trial.side_force == 0.0
     samples = bench.record(trial, nothing)
     known = float(reduced(trial, samples)["rms"])

@@ -13,7 +13,6 @@ from screw_module_ros.identification.force_metric import (
     Spring,
     common_ticks,
     judged,
-    offset,
     offsets,
 )
 
@@ -80,45 +79,24 @@ def sine(up: float, down: float, samples: int = 8000):
     return position, velocity, force
 
 
-def test_offset_is_what_the_patient_pushes_beyond_the_spring():
-    assert offset(np.array([0.28]), np.array([14.0]), SPRING) == pytest.approx([4.0])
-
-
 @given(up=st.floats(0.0, 50.0), down=st.floats(0.0, 50.0))
 def test_a_known_offset_is_found_each_way(up, down):
     found = offsets(*sine(up, down), SPRING)
     assert found.up == pytest.approx(up)
     assert found.down == pytest.approx(down)
-    assert found.bias_up == pytest.approx(up)
-    assert found.bias_down == pytest.approx(-down)
     assert found.mean == pytest.approx((up + down) / 2, rel=1e-2, abs=1e-9)
 
 
 def test_signs_do_not_cancel_within_one_way():
     found = offsets(np.full(2, 0.18), np.full(2, 0.1), np.array([6.0, -6.0]), SPRING)
-    assert (found.up, found.bias_up) == (6.0, 0.0)
+    assert found.up == 6.0
 
 
 def test_rest_and_slow_motion_do_not_count():
     speeds = np.array([0.0, MOTION_THRESHOLD, -MOTION_THRESHOLD, 2 * MOTION_THRESHOLD])
     found = offsets(np.full(4, 0.18), speeds, np.array([99.0, 99.0, 99.0, 3.0]), SPRING)
-    assert (found.up, found.samples_up, found.samples_down) == (3.0, 1, 0)
+    assert (found.up, found.mean) == (3.0, 3.0)
     assert np.isnan(found.down)
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"force": np.zeros(3)}, "one length"),
-        ({"velocity": np.full(2, np.nan)}, "velocity holds values that are not finite"),
-        ({"threshold": 0.0}, "positive speed"),
-        ({"position": np.zeros((2, 2))}, "one length"),
-    ],
-)
-def test_what_cannot_be_evaluated_is_refused(change, told):
-    good = {"position": np.zeros(2), "velocity": np.zeros(2), "force": np.zeros(2)}
-    with pytest.raises(ValueError, match=told):
-        offsets(**{**good, "spring": SPRING, **change})
 
 
 def test_samples_meet_at_the_ticks_both_have():

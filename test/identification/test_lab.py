@@ -8,8 +8,7 @@ import pytest
 
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.identification.bench import InProcessBench
-from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.pool import worker_pool
+from screw_module_ros.identification.lab import Lab, MissingResult, worker_pool
 from screw_module_ros.identification.results import (
     DERIVED,
     MEASURED,

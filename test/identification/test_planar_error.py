@@ -7,8 +7,8 @@ import pytest
 
 from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.planar_error import (
+    CASES,
     Settings,
-    case_of,
     error_of,
     law_of,
     reduced,
@@ -16,7 +16,7 @@ from screw_module_ros.identification.planar_error import (
 
 
 def found(bench, kind, case, settings=None):
-    trial = case_of(case).trial._replace(settings=law_of(settings or Settings(), kind))
+    trial = CASES[case].trial._replace(settings=law_of(settings or Settings(), kind))
     return error_of(reduced(trial, bench.record(trial, lambda share: None)))
 
 
@@ -58,7 +58,7 @@ def test_a_trembling_hand_keeps_the_compensation(bench):
 
 
 def test_samples_have_two_columns_and_the_hand_lets_go(bench):
-    trial = case_of("released").trial._replace(settings=law_of(Settings(), "none"))
+    trial = CASES["released"].trial._replace(settings=law_of(Settings(), "none"))
     samples = bench.record(trial, lambda share: None)
     assert samples.handle.shape == (len(samples.time), 2)
     held = round(trial.released_after / (samples.time[1] - samples.time[0]))

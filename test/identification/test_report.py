@@ -55,7 +55,7 @@ def module_with(**outcomes):
     ],
 )
 def test_published_figure_agrees_within_its_tolerance(value, thesis, verdict):
-    row = Compared("gravity", quantity(value, thesis=thesis))
+    row = Compared("gravity", quantity(value), thesis)
     assert row.verdict == verdict
     (cells,) = compared_rows([row], PREDICTION)
     assert (cells[1], cells[-1]) == ("*gravity*: weight", verdict)
@@ -143,7 +143,7 @@ def test_cells_cannot_break_a_table(tmp_path):
     cell = quantity(1.0)._replace(text="x|y")
     result = Result("repeatability", (cell,), {})
     report = Report([module_with(repeatability=Outcome(result, "", 1.0))])
-    text = "\n".join(page._text(report, {"repeatability": {}}, 1.0))
+    text = page.markdown(report, {"repeatability": {}}, 1.0)
     assert "<td>x|y</td>" in html_page(text, tmp_path)
 
 

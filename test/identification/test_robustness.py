@@ -6,11 +6,12 @@ import pytest
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import (
+    force_error,
     friction_model,
     gravity,
     inertia,
-    robustness,
     static_torque,
 )
 from screw_module_ros.identification.bench import LoopSettings
@@ -26,7 +27,7 @@ from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.trials import MotionTrial
 from screw_module_ros.plant.settings import load_world
 
-OBSERVER_FAST = robustness.Settings(modes=(modes.OBSERVER,), cases=("fast",))
+OBSERVER_FAST = force_error.RobustnessSettings(modes=(modes.OBSERVER,), cases=("fast",))
 
 
 def result(experiment, data=None, **values):
@@ -55,8 +56,8 @@ def lab(bench, tmp_path):
 
 
 def test_observer_gains_from_a_calibration_in_fast_motion_also_when_the_rig_changed(lab):
-    found = robustness.run(lab, OBSERVER_FAST)
-    without, calibrated, changed = robustness.rms_of(found, modes.OBSERVER, "fast")
+    found = force_error.run_changed(lab, OBSERVER_FAST)
+    without, calibrated, changed = force_error.rms_of(found, modes.OBSERVER, "fast")
     assert calibrated < 0.9 * without
     assert changed < 0.95 * without
     assert changed != calibrated, "another rig"
@@ -64,28 +65,30 @@ def test_observer_gains_from_a_calibration_in_fast_motion_also_when_the_rig_chan
 
 def test_change_makes_the_friction_model_wrong(lab):
     """The same trial on the same bench, but for the seed of the change."""
-    chosen = robustness.Settings(modes=(modes.FRICTION_COMPENSATION,), cases=("slow",), change=3)
-    found = robustness.run(lab, chosen)
-    _, calibrated, changed = robustness.rms_of(found, modes.FRICTION_COMPENSATION, "slow")
+    chosen = OBSERVER_FAST._replace(
+        modes=(modes.FRICTION_COMPENSATION,), cases=("slow",), change=3
+    )
+    found = force_error.run_changed(lab, chosen)
+    _, calibrated, changed = force_error.rms_of(found, modes.FRICTION_COMPENSATION, "slow")
     assert abs(changed - calibrated) > 0.1
 
 
 def test_report_has_a_row_for_each_module_and_mode(lab):
-    found = robustness.run(lab, OBSERVER_FAST)
+    found = force_error.run_changed(lab, OBSERVER_FAST)
     module = Module(
-        4, load_world(), LoopSettings(), lab.folder, {robustness.NAME: Outcome(found, "", 1.0)}
+        4, load_world(), LoopSettings(), lab.folder, {"robustness": Outcome(found, "", 1.0)}
     )
     assert robustness_head([module]) == ("module", "mode", "fast")
     ((name, mode, cell),) = robustness_rows([module])
     assert (name, mode) == ("seed 4", "OBSERVER")
     shown = [float(number) for number in cell.split(" / ")]
-    assert shown == pytest.approx(robustness.rms_of(found, modes.OBSERVER, "fast"), abs=0.005)
+    assert shown == pytest.approx(force_error.rms_of(found, modes.OBSERVER, "fast"), abs=0.005)
     assert robustness_rows([module._replace(outcomes={})]) == []
 
 
 def test_change_is_the_rig_s_own(bench):
     """A change does not persist in the bench."""
-    trial = MotionTrial(modes.OBSERVER, robustness.VerticalSettings(), duration=0.5)
+    trial = MotionTrial(modes.OBSERVER, VerticalSettings(), duration=0.5)
     before = bench.record(trial, lambda share: None).position
     bench.record(trial._replace(changed=5), lambda share: None)
     assert (bench.record(trial, lambda share: None).position == before).all()

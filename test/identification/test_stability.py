@@ -276,31 +276,25 @@ def test_what_a_certificate_refuses_costs_margin():
         assert permitted_with(loop._replace(velocity_cutoff=cutoff)) == usual
 
 
-def test_the_certificate_is_for_the_law_that_the_calibration_makes(tmp_path, monkeypatch):
-    """The mass that it carries costs margin; on a light wall no gain is left, which is said."""
-    light = {"light_wall": stability.ENVIRONMENTS["light_wall"]}
-    monkeypatch.setattr(stability, "ENVIRONMENTS", light)
-    for name, quantity in (("gravity", "gravity"), ("inertia", "mass")):
-        Result(name, (Quantity(quantity, 5.1, 0.1, "", ""),), {}).save(tmp_path)
-    found = stability.run(Lab(Nothing(), tmp_path), RIGID)
-    assert (found.settings["mass"], found.settings["observer_inertia"]) == (5.1, KNOWN_SHARE)
-    assert found.value("observer_light_wall") == 0.0 < found.value("feedback_light_wall")
-    assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)
+def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkeypatch):
+    """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses.
 
-
-@pytest.mark.parametrize("mass", [4.5, 7.0])
-def test_the_certificate_is_for_the_mass_that_was_identified(tmp_path, monkeypatch, mass):
-    """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses."""
-    wall = stability.ENVIRONMENTS["wall"]
-    monkeypatch.setattr(stability, "ENVIRONMENTS", {"wall": wall})
-    for name, quantity, value in (("gravity", "gravity", 10.04), ("inertia", "mass", mass)):
+    The mass that the law carries costs margin; on a light wall no gain is left, which is said.
+    """
+    walls = {name: stability.ENVIRONMENTS[name] for name in ("wall", "light_wall")}
+    monkeypatch.setattr(stability, "ENVIRONMENTS", walls)
+    for name, quantity, value in (("gravity", "gravity", 10.04), ("inertia", "mass", 7.0)):
         Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
     found = stability.run(Lab(Nothing(), tmp_path), RIGID)
-    own = Mechanism()._replace(nut_mass=mass - 10.04 / 9.81, handle_mass=10.04 / 9.81)
-    _, *laws = stability.laws_of(VerticalSettings().calibrated(10.04, mass), 30.0)
-    expected = min(largest_gain(own, wall[1], Sampling(1000.0, 1.26e-3), law) for law in laws)
-    assert found.value("observer_wall") == pytest.approx(expected, rel=0.02)
+    assert (found.settings["mass"], found.settings["observer_inertia"]) == (7.0, KNOWN_SHARE)
+    own = Mechanism()._replace(nut_mass=7.0 - 10.04 / 9.81, handle_mass=10.04 / 9.81)
     assert found.settings["nut_mass"] == own.nut_mass
+    _, *laws = stability.laws_of(VerticalSettings().calibrated(10.04, 7.0), 30.0)
+    given = own, walls["wall"][1], Sampling(1000.0, 1.26e-3)
+    expected = min(largest_gain(*given, law) for law in laws)
+    assert found.value("observer_wall") == pytest.approx(expected, rel=0.02)
+    assert found.value("observer_light_wall") == 0.0 < found.value("feedback_light_wall")
+    assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)
 
 
 def test_a_counterbalanced_handle_counts_with_the_least_mass(tmp_path):

@@ -61,7 +61,7 @@ def test_getting_going_is_left_out_not_smeared():
     part = binned(trial, samples)
     assert np.isnan(part["force"][:2]).all()  # 5.6 mm to reach the speed
     assert part["force"][np.isfinite(part["force"])] == pytest.approx(12.0, abs=1e-6)
-    assert steady_part(trial, samples).begin / RATE > 0.075
+    assert steady_part(trial, samples).start / RATE > 0.075
 
 
 def test_error_is_the_noise_over_the_root_of_the_count():

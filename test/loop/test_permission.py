@@ -127,6 +127,19 @@ def test_disabled_and_enabled_again_at_once_is_no_fault(enabled):
         assert enabled.torque_passes and not enabled.axis.permit.faulted
 
 
+@pytest.mark.parametrize("option", [0, 1])
+def test_disabled_in_motion_it_coasts_whatever_its_option_code_says(enabled, option):
+    enabled.rig.devices["drive"].node.put(0x605C, 0, option)
+    enabled.setpoint = (0.05, 0.0)
+    moving = enabled.seconds(0.4)[-1]
+    assert abs(moving.velocity) > 0.01
+    assert enabled.disable() == ""
+    for _ in range(30):
+        enabled.tick()
+        assert not enabled.world.vertical_powered and not enabled.world.vertical_braked
+    assert not enabled.axis.permit.faulted
+
+
 def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
     requests = Requests()
     failing, later = requests.put(lambda: 1 / 0), requests.put(lambda: "done")

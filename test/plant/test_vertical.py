@@ -11,7 +11,7 @@ from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state
+from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, Grip, resting_state
 from screw_module_ros.plant.patient import ArmForce
 from screw_module_ros.plant.vertical import vertical_step
 
@@ -180,6 +180,60 @@ def test_the_transducer_filters_the_force(vertical, still):
         shown += (s.patient_force - shown) * p.dt / (p.force_lag + p.dt)
         assert s.filtered_force == pytest.approx(shown, abs=1e-9)
     assert abs(s.filtered_force - s.patient_force) > 0.0
+
+
+def test_the_transducer_has_its_hysteresis(vertical, still):
+    """The value shown lags the force by half the width of the loop, upward and downward."""
+    p = vertical._replace(hysteresis=0.05)
+    s = resting_state(p.module, 0.2, 1.0)
+    for way in (1.0, -1.0):
+        for k in range(2000):  # slowly, so that the force does not overshoot
+            hand = 0.2 + 1e-5 * k * way
+            s = run(p, s, still._replace(fixture=HUMAN_ARM, locked=True, hand=hand), 100)
+        assert s.shown_force - s.filtered_force == pytest.approx(-0.05 * way, abs=5e-3)
+        before = s
+        back = still._replace(fixture=HUMAN_ARM, locked=True, hand=hand - 2e-4 * way)
+        s = run(p, s, back, 100_000)
+        assert s.filtered_force - before.filtered_force == pytest.approx(-0.06 * way, abs=0.01)
+        assert s.shown_force == before.shown_force, "within the loop nothing moves"
+
+
+def test_a_soft_grip_stretches_as_spring_and_arm_in_series(vertical, still):
+    p = vertical._replace(
+        arm=ArmForce(3.0, 300.0, 5.0, math.inf, 0.0), grip=Grip(6000.0, 30.0, 0.4)
+    )
+    u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.21)
+    s = run(p, resting_state(p.module, 0.2, 1.0), u, 100_000)
+    assert s.patient_force == pytest.approx(300.0 * (0.21 - s.arm), rel=1e-3)
+    assert s.patient_force == pytest.approx(6000.0 * (s.arm - s.handle), rel=1e-3)
+    assert s.patient_force == pytest.approx((0.21 - s.handle) / (1 / 300.0 + 1 / 6000.0), rel=1e-3)
+
+
+def test_an_arm_behind_a_soft_grip_swings_at_its_own_frequency(vertical, still):
+    """The handle is held by the locked screw: one mass between two springs."""
+    p = vertical._replace(
+        arm=ArmForce(3.0, 300.0, 0.0, math.inf, 0.0), grip=Grip(6000.0, 0.0, 0.4)
+    )
+    u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.2)
+    s = resting_state(p.module, 0.2, 1.0)._replace(arm=0.205)
+    above, crossings, steps = True, [], 20_000
+    for k in range(steps):
+        s = quick_step(p, s, u)
+        if (s.arm > 0.2) != above:
+            above = not above
+            crossings.append(k * p.dt)
+    half = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    assert math.pi / half == pytest.approx(math.sqrt(6300.0 / 3.0), rel=0.01)
+
+
+def test_a_grip_that_is_hard_is_the_rigid_hand(vertical, still):
+    arm = ArmForce(3.0, 300.0, 5.0, math.inf, 0.0)
+    u = still._replace(fixture=HUMAN_ARM, hand=0.3)
+    start = resting_state(vertical.module, 0.2, 1.0)
+    rigid = run(vertical._replace(arm=arm), start, u, 4000)
+    hard = run(vertical._replace(arm=arm, grip=Grip(2e5, 200.0, 1e-3)), start, u, 4000)
+    assert hard.handle == pytest.approx(rigid.handle, abs=5e-4)
+    assert rigid.handle - start.handle > 1e-3
 
 
 def test_carried_arm_weighs_on_the_handle(vertical, still):

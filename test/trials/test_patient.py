@@ -77,6 +77,17 @@ def test_a_game_s_wish_is_followed_as_far_as_the_robot_goes_until_the_game_is_si
     assert len(robot.sent) == 1, "the game has gone"
 
 
+def test_a_game_in_the_plane_is_followed_in_the_plane():
+    """The game of the browser leaves the height alone; its patient never moved."""
+    robot = PlayedRobot()
+    player = SimulatedPlayer(robot, PEOPLE[HEALTHY])
+    for x in (0.1, 0.1, 0.1 + 1e-3, -0.1):
+        robot.hear(EndpointSetpoint(position=Point(x=x, y=0.05, z=math.nan)))
+        player.look()
+    assert [point[:2] for point in robot.sent] == [(0.1, 0.05), (-0.1, 0.05)]
+    assert all(math.isnan(point[2]) for point in robot.sent)
+
+
 def test_targets_lie_evenly_on_the_circle_the_first_away_from_the_patient():
     points = targets()
     assert points[0] == pytest.approx((0.0, RADIUS))

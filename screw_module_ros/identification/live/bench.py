@@ -15,7 +15,6 @@ from __future__ import annotations
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +35,7 @@ from screw_module_ros.calibration.module import (
 )
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.excitation import Excitation, as_numbers
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
-from screw_module_ros.control.linearization import IDENTITY, default_linearization
+from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import (
     COMBINED,
     EXCITATION,
@@ -45,9 +43,8 @@ from screw_module_ros.control.modes import (
     MODE_NAMES,
     OFF,
 )
-from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import SCREW, force_to_torque
+from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import (
     MOTION,
     RELEASE,
@@ -96,17 +93,6 @@ Reader = Callable[[Recorded], Samples]
 """Returns a trial's samples from its bag."""
 
 
-def _in_time(method: Callable) -> Callable:
-    """Let the thread take part in simulated time during the call, but not in its computations."""
-
-    @wraps(method)
-    def working(bench: LiveBench, *args: Any) -> Any:
-        with bench.clock.working():
-            return method(bench, *args)
-
-    return working
-
-
 class LiveBench:
     """A `trials.Bench` on the live graph, for one experiment; one thread calls it.
 
@@ -120,14 +106,16 @@ class LiveBench:
         fixture: Fixture,
         folder: Path,
         say: Callable[[str], None],
+        left: list[str],
         hurried: Callable[[], bool] = lambda: False,
     ):
         """Raises NotPossible, RobotError.
 
         publish: sends a request of the lease; folder: of the bags; say: shows the current step to
-        the user; hurried: whether the restoration must be quick.
+        the user; left: gets sentences about what could not be restored; hurried: whether the
+        restoration must be quick.
         """
-        self.left: list[str] = []
+        self.left = left
         self.notes: list[str] = []
         self.clock = robot.clock
         self._robot, self._publish, self._fixture = robot, publish, fixture
@@ -146,17 +134,16 @@ class LiveBench:
         self._robot.watch = self._watch
         return self
 
-    @_in_time
     def __exit__(self, *_: object) -> None:
-        with self._unhurried("handle not restored"):
+        with self.clock.working(), self._unhurried("handle not restored"):
             self._fixture.put_back()
         self._robot.watch = self._allowed
 
-    @_in_time
     def fingerprint(self) -> str:
         """Return the graph's calibrations; parts measured with others are not reused."""
         robot, kinds = self._robot, (AmplifierState, ImpedanceState)
-        robot.met(lambda: all(map(robot.state, kinds)), _SILENT_S)
+        with self.clock.working():
+            robot.met(lambda: all(map(robot.state, kinds)), _SILENT_S)
         states = map(robot.state, kinds)
         return ", ".join(state.calibration if state else "unknown" for state in states)
 
@@ -164,7 +151,9 @@ class LiveBench:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, BagError, SamplesLost."""
         require(trial, self)
         on_progress(0.0)
-        act = {TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion}
+        act: dict[type, Callable[..., Reader]] = {
+            TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion
+        }  # fmt: skip
         bag, reader = self._recorded(name_of(trial), act[type(trial)], trial, on_progress)
         return reader(recorded(bag, self.rate, self._robot.node.resolve_topic_name))
 
@@ -176,21 +165,24 @@ class LiveBench:
 
     # Recording -----------------------------------------------------------------------------
 
-    @_in_time
     def _recorded(self, name: str, act: Callable[..., Any], *args: Any) -> tuple[Path, Any]:
-        """Act while the session recorder records; return the bag and the act's answer."""
+        """Act while the session recorder records; return the bag and the act's answer.
+
+        The thread takes part in simulated time meanwhile, but not in its computations.
+        """
         robot = self._robot
-        begun = robot.start_recording()
-        whole = False
-        try:
-            answer = act(*args)
-            robot.pause(_TAIL_S)
-            whole = True
-        finally:
-            with self._unhurried("the recording has not ended"):
-                robot.stop_recording()
-            if not whole:
-                shutil.rmtree(begun, ignore_errors=True)
+        with self.clock.working():
+            begun = robot.start_recording()
+            whole = False
+            try:
+                answer = act(*args)
+                robot.pause(_TAIL_S)
+                whole = True
+            finally:
+                with self._unhurried("the recording has not ended"):
+                    robot.stop_recording()
+                if not whole:
+                    shutil.rmtree(begun, ignore_errors=True)
         if not begun.is_dir():
             raise RobotError(f"the session recorder writes on another machine: there is no {begun}")
         return self._kept(begun, name), answer
@@ -254,12 +246,11 @@ class LiveBench:
     def _ask(self, sine: Excitation) -> None:
         """Request a sine from now on, or the lease alone."""
         self._sines += 1
-        linearized = sine.linearization is not None
-        numbers = as_numbers(sine.linearization) if linearized else (0.0,) * 10
+        numbers = as_numbers(sine.linearization) if sine.linearization else (0.0,) * 10
         self._request = ExcitationRequest(
             id=(self.clock.now_ns() // 1_000_000 + self._sines) & 0xFFFFFFFF,
             amplitude=sine.amplitude, frequency=sine.frequency, ticks=sine.ticks,
-            linearized=linearized, linearization=numbers,
+            linearized=sine.linearization is not None, linearization=numbers,
         )  # fmt: skip
         self._renew()
 
@@ -385,7 +376,9 @@ class LiveBench:
             first = first_tick(found, begin_ns, sine)
             return found.samples(
                 first, sine.ticks, before, after,
-                lambda force: np.round(force_to_torque(force) / rated * 1e3) * rated * 1e-3,
+                lambda force: np.round(
+                    [force_to_torque(newtons) / rated * 1e3 for newtons in force]
+                ) * rated * 1e-3,
             )  # fmt: skip
 
         return read
@@ -436,8 +429,7 @@ class LiveBench:
         fixture.require("human_arm")
         check_homed(robot)
         check_disabled(robot)
-        linearization = self._fitting_linearization(trial)
-        self._check_friction(trial)
+        self._check_calibrations(trial)
         say("zero of the transducer, handle unloaded")
         fixture.unload()
         robot.tare()  # as in process: the laws feel an old zero as a force
@@ -456,13 +448,12 @@ class LiveBench:
         say("zero of the transducer again")
         after = self._unloaded_zero()
         fixture.reload()
-        chain = self._chain(linearization)
 
         def read(found: Recorded) -> Samples:
             count = round(trial.duration * self.rate)
             samples = found.samples(
                 found.tick_at(begin_ns), count, before, after,
-                lambda force: drive_torque(chain, force, self.rate) if trial.mode else 0.0 * force,
+                lambda force: np.full(len(force), np.nan),
             )  # fmt: skip
             return samples._replace(share=np.full(count, share))
 
@@ -514,45 +505,28 @@ class LiveBench:
 
     # Calibrations: only the graph's own; a trial with another one is refused ----------------
 
-    def _fitting_linearization(self, trial: MotionTrial) -> Any:
-        used, name = calibrated(
-            self._robot, AMPLIFIER, "linearization", load_linearization, default_linearization
-        )
-        if not self._robot.parameters(AMPLIFIER, ("linearize",))["linearize"]:
-            used, name = None, "none"
-        self._check_own(trial.linearization, used, f"linearization than {AMPLIFIER}", name)
-        return used
-
-    def _check_friction(self, trial: MotionTrial) -> None:
+    def _check_calibrations(self, trial: MotionTrial) -> None:
+        robot = self._robot
+        kinds: list[tuple[str, str, Any, Callable[..., Any], Callable[[], Any]]] = [
+            ("linearization", AMPLIFIER, trial.linearization, load_linearization,
+             default_linearization),
+        ]  # fmt: skip
         if trial.mode in (FRICTION_COMPENSATION, COMBINED):
-            used, name = calibrated(
-                self._robot, CONTROLLER, "friction", load_friction_model, thesis_friction
-            )
-            self._check_own(trial.friction, used, f"friction model than {CONTROLLER}", name)
-
-    def _check_own(self, wanted: Any, used: Any, what: str, name: str) -> None:
-        kind, _, node = what.partition(" than ")
-        if wanted not in (None, used):
-            raise NotPossible(
-                f"the trial wants another {what} runs with ({name}): start {node} with it "
-                f"({kind.split()[0]}_file or calibration_file)"
-            )
-        note = f"The {kind} of {node}: {name}."
-        if wanted is None and note not in self.notes:
-            self.notes.append(note)
-
-    def _chain(self, linearization: Any) -> TorqueChain:
-        """Return the chain that the amplifier runs with."""
-        limits = [f"torque.{name}" for name in TorqueLimits._fields]
-        names = [*CommandLimits._fields, *limits, "rated_torque"]
-        own = self._robot.parameters(AMPLIFIER, names)
-        return TorqueChain(
-            CommandLimits(*(own[name] for name in CommandLimits._fields)),
-            TorqueLimits(*(own[name] for name in limits)),
-            SCREW,
-            linearization or IDENTITY,
-            own["rated_torque"],
-        )
+            kinds.append(("friction", CONTROLLER, trial.friction, load_friction_model,
+                          thesis_friction))  # fmt: skip
+        for what, node, wanted, load, thesis in kinds:
+            used, name = calibrated(robot, node, what, load, thesis)
+            if node == AMPLIFIER and not robot.parameters(AMPLIFIER, ("linearize",))["linearize"]:
+                used, name = None, "none"
+            text = "friction model" if what == "friction" else what
+            if wanted not in (None, used):
+                raise NotPossible(
+                    f"the trial wants another {text} than {node} runs with ({name}): start {node} "
+                    f"with it ({what}_file or calibration_file)"
+                )
+            note = f"The {text} of {node}: {name}."
+            if wanted is None and note not in self.notes:
+                self.notes.append(note)
 
 
 # What a trial is made of --------------------------------------------------------------------
@@ -564,7 +538,7 @@ def name_of(trial: Trial) -> str:
         return f"torque_{trial.frequency:.3g}Hz_{trial.amplitude:g}Nm"
     if isinstance(trial, StageTrial):
         return f"stage_{1e3 * trial.speed:+g}mm_s"
-    return f"motion_{MODE_NAMES[trial.mode].lower()}"
+    return f"motion_{MODE_NAMES[trial.mode].lower()}" if isinstance(trial, MotionTrial) else "other"
 
 
 def excitation_of(trial: TorqueTrial, rate: float) -> Excitation:
@@ -603,15 +577,6 @@ def first_moved(found: Recorded, rest_ns: float) -> int:
     ticks, position = found.encoder.ticks[later], found.encoder.values[later, 0]
     moved = np.abs(position - position[0]) > _MOVED
     return int(ticks[max(0, int(np.argmax(moved)) - 1)])
-
-
-def drive_torque(chain: TorqueChain, force: np.ndarray, rate: float) -> np.ndarray:
-    """Return the torque commands of the drive [Nm] for force commands [N]; rate: [1/s]."""
-    heat, torque = COLD, np.empty(len(force))
-    for row, newtons in enumerate(force):
-        made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / rate)
-        torque[row] = on_the_wire(chain, made.command)
-    return torque
 
 
 def calibrated(

@@ -8,6 +8,7 @@ confirms each with `~/confirm`. The node is started by hand, beside the running 
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import threading
@@ -29,7 +30,7 @@ from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.identification import calibration, certificate, delivered_impedance
 from screw_module_ros.identification.experiments import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.results import Result
+from screw_module_ros.identification.results import Experiment, Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
 from screw_module_ros.nodes.support.node import Node
 from screw_module_ros.nodes.support.place import below, root_folder
@@ -68,7 +69,7 @@ class ResultsSettings(NamedTuple):
 class CharacterizeNode(Node):
     """Runs one experiment at a time, in a thread; the main thread waits."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("characterize")
         self.parameters.declare(ResultsSettings)
         self.parameters.declare(BusSettings, "can", channel=graph.bus_of("encoder"))
@@ -141,36 +142,28 @@ class CharacterizeNode(Node):
         if not request.experiment:
             return Outcome(RunExperiment.Result(success=True, message=listing()), True)
         self._doing = request.experiment
-        try:
-            return self._experiment(goal)
-        except Exception as error:
-            self.get_logger().error(traceback.format_exc())
-            said = f"{request.experiment}: {type(error).__name__}: {error}"
-            return _failed("; ".join([said, *_left(error)]))
-        finally:
-            self._doing = ""
-            self.clock.leave()
-
-    def _experiment(self, goal: Any) -> Outcome:
-        request = goal.request
         left: list[str] = []
-        cancelled, files = False, []
-        text = ""
+        files: list[str] = []
+        text = kept = ""
+        cancelled = False
         try:
             root = root_folder(self.parameters.read(ResultsSettings).folder)
             experiment, settings, folder = _checked(request, root)
-            kept = f"what was finished is kept in {folder}"
-            result, left = self._measured(goal, experiment, settings, folder)
-            files = [str(path) for path in _saved(result, folder, left)]
+            kept = f"; what was finished is kept in {folder}"
+            result = self._measured(goal, experiment, settings, folder, left)
+            files = [str(path) for path in result.save(folder)]
             text = result.as_yaml()
             message = f"{request.experiment} is done: {folder}"
         except Cancelled as error:
-            cancelled, left = True, _left(error)
-            message = f"{error}; {kept}"
+            cancelled, message = True, f"{error}{kept}"
         except _REASONS as error:
-            left = _left(error)
-            message = " ".join(str(error).split())
-            cancelled = goal.is_cancel_requested
+            cancelled, message = goal.is_cancel_requested, " ".join(str(error).split())
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            message = f"{request.experiment}: {type(error).__name__}: {error}"
+        finally:
+            self._doing = ""
+            self.clock.leave()
         message = "; ".join(dict.fromkeys([message, *left]))
         done = bool(text)
         if done and not left:
@@ -181,12 +174,9 @@ class CharacterizeNode(Node):
         return Outcome(answer, done, cancelled)
 
     def _measured(
-        self, goal: Any, experiment: Any, settings: Any, folder: Path
-    ) -> tuple[Result, list[str]]:
-        """Run the experiment; return its result and sentences about what could not be restored.
-
-        After an error these sentences are in the error's attribute `left` (see `_left`).
-        """
+        self, goal: Any, experiment: Experiment, settings: Any, folder: Path, left: list[str]
+    ) -> Result:
+        """Run the experiment; left: gets sentences about what could not be restored."""
 
         def watch() -> None:
             if goal.is_cancel_requested:
@@ -197,23 +187,18 @@ class CharacterizeNode(Node):
         feedback = Feedback(goal, RunExperiment.Feedback, watch)
         feedback.say("looking at the graph")
         robot, say = self._robot, feedback.say
+        assert robot is not None, "a goal is accepted by an active node alone"
         robot.watch = watch
         seen = sees_rig(
             robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
         )
-        parts = folder / "parts" / experiment.name
+        parts, hurried = folder / "parts" / experiment.name, self.stopping.is_set
         with closing(
             RigFixture(robot) if seen else OperatorFixture(robot, self._confirmed, say)
-        ) as fixture:
-            bench = LiveBench(robot, self._publish, fixture, parts, say, self.stopping.is_set)
-            try:
-                with bench:
-                    lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
-                    result = experiment.run(lab, settings)
-            except Exception as error:
-                error.left = bench.left
-                raise
-        return result._replace(notes=(*result.notes, *bench.notes)), bench.left
+        ) as fixture, LiveBench(robot, self._publish, fixture, parts, say, left, hurried) as bench:
+            result = experiment.run(Lab(bench, folder, feedback.progress, bench.fingerprint()),
+                                    settings)  # fmt: skip
+        return result._replace(notes=(*result.notes, *bench.notes))
 
     def health(self) -> Health:
         """The running experiment."""
@@ -323,7 +308,7 @@ class Feedback:
         self._goal, self._message, self._watch = goal, kind(), watch
         self._clock = clock or WallClock()
         self._due = 0.0
-        self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
+        self._first = (0.0, math.inf)  # time and seconds of excitation done then
 
     def say(self, doing: str) -> None:
         """Publish the current step at once."""
@@ -334,7 +319,7 @@ class Feedback:
         """Publish the progress; done, total: seconds of excitation, from `Lab`."""
         self._watch()
         now = self._clock.now_ns() * 1e-9
-        if self._first is None or done < self._first[1]:
+        if done < self._first[1]:
             self._first = (now, done)
         self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0
         self._message.remaining = self._remaining(now, done, total)
@@ -387,23 +372,6 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
         if not (folder / f"{need}.yaml").is_file():
             raise ValueError(f"{experiment.name} needs the result of {need} in {folder}")
     return experiment, settings, folder
-
-
-def _saved(result: Result, folder: Path, left: list[str]) -> list[Path]:
-    """Write a result; return its files. After an error, `left` is in its attribute `left`."""
-    try:
-        return result.save(folder)
-    except Exception as error:
-        error.left = left
-        raise
-
-
-def _failed(message: str) -> Outcome:
-    return Outcome(RunExperiment.Result(success=False, message=message), False)
-
-
-def _left(error: Exception) -> list[str]:
-    return getattr(error, "left", [])
 
 
 def main() -> int:

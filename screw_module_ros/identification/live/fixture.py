@@ -307,6 +307,7 @@ class RigFixture:
 
     def reload(self) -> None:
         """Remove the pin and restore the former fixture."""
+        assert self._found is not None, "nothing was mounted by a trial"
         if self._found.fixture == "human_arm":
             height = min(max(self.truth().handle_position, 0.0), _TRAVEL)
             self._fix("human_arm", position=height)  # takes the virtual hand there as well
@@ -343,7 +344,7 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
     hardware refuses simulated time. By wall clock: positions arrive on `bus`, which must be the bus
     of the node `encoder`, and a simulated one: no hardware and no other machine has that.
     """
-    if robot.clock.simulated:
+    if not isinstance(robot.clock, WallClock):
         page = robot.clock.page
         return any(pid == page.conductor and sent > 0 for pid, sent in page.buses())
     if bus.interface not in SIMULATED_INTERFACES:

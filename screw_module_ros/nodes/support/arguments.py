@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 
 from rclpy.parameter import Parameter
 
-from screw_module_ros.settings import SettingError, load, parse, shown
+from screw_module_ros.settings import SettingError, shown
+from screw_module_ros.settings_file import load, parse
 
 _PARAMETERS = "ros__parameters"
 _RULE = re.compile(r"(?:(?P<node>\w+):)?(?P<name>[^:=]+):=(?P<value>.*)", re.DOTALL)

@@ -325,7 +325,7 @@ def made(simulated=True, robot=None, **fixture) -> LiveBench:
     """Return a bench on a robot that stands still; its requests are those of the lease."""
     robot = robot or StillRobot()
     fixture = SimpleNamespace(simulated=simulated, **fixture)
-    bench = LiveBench(robot, robot.done.append, fixture, None, lambda text: None)
+    bench = LiveBench(robot, robot.done.append, fixture, None, lambda text: None, [])
     bench.__enter__()
     return bench
 

@@ -10,11 +10,12 @@ import can
 import pytest
 
 from screw_module_ros.can_io.bus import BusSettings
+from screw_module_ros.clock import WallClock
 from screw_module_ros.identification.live import fixture
 from screw_module_ros.identification.live.fixture import RigBusSettings, sees_rig
 
 ROBOT = SimpleNamespace(
-    clock=SimpleNamespace(simulated=False), node=SimpleNamespace(get_namespace=lambda: "/")
+    clock=WallClock(), node=SimpleNamespace(get_namespace=lambda: "/")
 )
 
 

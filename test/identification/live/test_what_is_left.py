@@ -18,7 +18,6 @@ LEFT = "amplifier not disabled: amplifier did not switch off"
 class Node:
     """The parts of the node around an experiment that `measured` replaces."""
 
-    _experiment = CharacterizeNode._experiment
     _work = CharacterizeNode._work
 
     def __init__(self, measured: Any):
@@ -49,7 +48,11 @@ def _cannot_be_saved(error: Exception) -> Any:
     def save(folder: Any) -> list:
         raise error
 
-    return lambda *asked: (SimpleNamespace(save=save), [LEFT])
+    def measured(goal: Any, experiment: Any, settings: Any, folder: Any, left: list[str]) -> Any:
+        left.append(LEFT)
+        return SimpleNamespace(save=save)
+
+    return measured
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), TypeError("odd")])
@@ -60,9 +63,8 @@ def test_after_a_result_that_cannot_be_saved(message, error):
 
 
 def test_after_an_experiment_that_failed_in_its_computation(message):
-    def measured(*asked: Any) -> Any:
-        error = ZeroDivisionError("division by zero")
-        error.left = [LEFT]
-        raise error
+    def measured(goal: Any, experiment: Any, settings: Any, folder: Any, left: list[str]) -> Any:
+        left.append(LEFT)
+        raise ZeroDivisionError("division by zero")
 
     assert message(measured) == f"gravity: ZeroDivisionError: division by zero; {LEFT}"

@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `study`: every mode on rigs drawn by seed, one table of medians and worst cases.
+
+A law is judged on rigs that it was not tuned on. A rig is one of `load_world(seed)` whose mount
+(thesis appendix A), encoder, delay and transducer are drawn as well, wider than between two
+modules of one make. Family A has a rigid hand, family B a hand with a soft grip (`plant.module`).
+The trials are those in which a force-feedback law fails: reaches, walls that stand or move, a heavy
+arm, an obstacle that the transducer does not feel, a change of mode, besides slow and small motion,
+holding and letting go. No mode is calibrated. In process, no ROS, no hardware.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+from rich.table import Table
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..plant.module import Grip
+from ..plant.patient import HandPath, resting
+from ..plant.settings import WorldSettings, load_world
+from .bench import InProcessBench, LoopSettings
+from .force_error import wall, with_damping
+from .force_metric import LAST, judged
+from .lab import worker_pool
+from .trials import Arm, HandTrial, MotionTrial
+
+FAMILIES = {"A": "rigid hand", "B": "soft grip"}
+MODES = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
+         modes.OBSERVER)  # fmt: skip
+CENTRE = 0.18  # of the spring [m]
+_SOFTEST, _STIFFEST_MOUNT = 2e6, 4e7  # thesis A.3, A.2 [N/m]
+_COUNTS = (2000, 4000, 8192, 20000)
+_HAND = Arm()
+_HEAVY = Arm(30.0, 300.0, 30.0)
+_REACHES = {  # way [m] and time [s] of a minimum-jerk reach
+    "reach 0.25 m in 0.6 s": (0.25, 0.6),
+    "reach 1 m/s, 10 m/s2": (0.164, 0.308),  # peaks 1.875 d / t, 5.77 d / t^2
+}
+_AHEAD = 0.02  # of an obstacle from the centre [m]
+_SUDDEN_S = 0.02
+_NARROWEST = 140  # columns where the output goes into a file
+
+
+class Rig(NamedTuple):
+    """One robot and its patient's hand."""
+
+    world: WorldSettings
+    loop: LoopSettings
+    grip: Grip
+
+
+def drawn(family: str, seed: int) -> Rig:
+    """Return the rig of a family, of `FAMILIES`, and seed; the same for the same seed."""
+    draw = random.Random(f"study {family} {seed}")
+    world = load_world(perturb_seed=seed)
+    stiff = _between(draw, _SOFTEST, _STIFFEST_MOUNT) if draw.random() < 0.5 else 0.0
+    world = world._replace(
+        vertical=world.vertical._replace(mount_stiffness=stiff),
+        sensor=world.sensor._replace(hysteresis=draw.uniform(0.0, 0.1)),
+        start=world.start._replace(counts_per_turn=draw.choice(_COUNTS)),
+    )
+    loop = LoopSettings(rate=1000.0, command_delay=_between(draw, 0.4e-3, 3e-3))
+    grip = Grip(_between(draw, 2e3, 2e4), _between(draw, 10.0, 60.0), draw.uniform(0.3, 0.6))
+    return Rig(world, loop, grip if family == "B" else Grip())
+
+
+def _between(draw: random.Random, low: float, high: float) -> float:
+    return math.exp(draw.uniform(math.log(low), math.log(high)))
+
+
+class Case(NamedTuple):
+    """One trial. trial: of the case in a mode with a law; first: from when its error counts [s];
+    obstacle: above the centre [m], 0 = none; figures: their names, of `FIGURES`."""
+
+    trial: Callable[[int, VerticalSettings], HandTrial]
+    figures: tuple[str, ...]
+    first: float = 0.0
+    obstacle: float = 0.0
+
+
+def _case(
+    figures: str, path: HandPath, seconds: float, arm: Arm = _HAND, first: float = 0.0,
+    obstacle: float = 0.0, before: HandPath | None = None, released: float = math.inf,
+    from_mode: int | None = None,
+) -> Case:  # fmt: skip
+    """Return a case; from_mode: that of the trial up to half of its time, None = no change."""
+
+    def trial(mode: int, law: VerticalSettings) -> HandTrial:
+        begun = mode if from_mode is None else from_mode
+        motion = MotionTrial(
+            begun, law, arm=arm, centre=CENTRE, duration=seconds, released_after=released
+        )
+        changed = math.inf if from_mode is None else 0.5 * seconds
+        return HandTrial(
+            motion, before or resting(CENTRE), path, switched_after=changed, then_mode=mode
+        )
+
+    return Case(trial, tuple(figures.split()), first, obstacle)
+
+
+def _sine(amplitude: float, omega: float) -> HandPath:
+    return HandPath(CENTRE, CENTRE, 0.0, 0.0, amplitude, omega, 0.0)
+
+
+def _to(way: float, seconds: float = 1.0, start: float = 0.0, begin: float = 0.0) -> HandPath:
+    """Return a minimum-jerk path, from `start` by `way`, both from the centre [m]."""
+    return HandPath(CENTRE + start, CENTRE + start + way, begin, seconds, 0.0, 0.0, 0.0)
+
+
+def _reach(way: float, seconds: float) -> Case:
+    return _case(
+        "rms share", _to(way, seconds, -0.5 * way, 0.2), seconds + 1.2, before=_to(-0.5 * way)
+    )
+
+
+def _walls() -> dict[str, Case]:
+    found = {}
+    for power in (3, 4, 5, 6):
+        for word, ratio in (("well", 0.7), ("badly", 0.02)):
+            arm = wall(10.0**power, ratio)
+            name = f"wall 1e{power} N/m, {word} damped"
+            found[name] = _case("shaking peak", _to(0.05), 5.0, arm, first=1.0)
+            moved = HandPath(CENTRE, CENTRE, 0.0, 0.0, 0.003, 3.0, 0.0)
+            found[f"{name}, moved"] = _case("shaking peak", moved, 5.0, arm)
+    return found
+
+
+CASES = {
+    "slow": _case("rms share", _sine(0.15, 0.8), 15.8),
+    "fast": _case("rms share", _sine(0.10, 3.0), 8.4),
+    "small": _case("rms share", _sine(0.03, 1.5), 12.6),
+    **{name: _reach(*reach) for name, reach in _REACHES.items()},
+    "held": _case("rms travel", _to(0.05), 6.0, first=3.0),
+    "released": _case("travel", _to(0.05), 11.0, first=5.0, released=3.0),
+    "arm of 30 kg": _case("rms share", _sine(0.05, 0.8), 7.9, _HEAVY),
+    "arm of 30 kg, held": _case("shaking", _to(0.05), 6.0, _HEAVY, first=1.0),
+    **_walls(),
+    "obstacle, not felt": _case("pressed", _to(0.12, 2.0), 4.0, obstacle=_AHEAD),
+    "mode changed at rest": _case("sudden", _to(0.05), 6.0, from_mode=modes.IMPEDANCE),
+}
+"""By name. Each has a hand of 3 kg, 300 N/m and 5 Ns/m, unless it says another."""
+
+FIGURES = {
+    "rms": "rms [N]",
+    "share": "least share",
+    "shaking": "over 1.5 N rms [s]",
+    "peak": "peak [N]",
+    "travel": "last second [mm]",
+    "pressed": "pressed [N]",
+    "sudden": f"in {_SUDDEN_S * 1e3:g} ms [N]",
+}
+"""Texts of the figures. Of the force error: rms, longest time with more than 1.5 N rms above 3 Hz,
+largest. Least share of the force gain; travel in the last second; mean force on the obstacle in the
+last second; largest change of the hand's force. The larger the worse, but for the share."""
+WANTED = {
+    "rms": 1.5, "share": 1.0, "shaking": 0.3, "peak": math.inf, "travel": 1.0, "pressed": 40.0,
+    "sudden": 5.0,
+}  # fmt: skip
+
+
+def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
+    """Return the figures of one case on one rig in one mode."""
+    rig, case = drawn(family, seed), CASES[name]
+    world = rig.world
+    if case.obstacle:  # an end stop in the way: it acts on the carriage, not on the transducer
+        travel = CENTRE + case.obstacle
+        start = world.start._replace(position=min(world.start.position, travel))
+        world = world._replace(vertical=world.vertical._replace(travel=travel), start=start)
+    law = with_damping(VerticalSettings(stiffness=100.0), mode)
+    trial = case.trial(mode, law)
+    if trial.motion.arm.mass:  # a wall has none, and no grip
+        trial = trial._replace(grip=rig.grip)
+    samples = InProcessBench(world, rig.loop, seed).record(trial, lambda share: None)
+    period = float(samples.time[1] - samples.time[0])
+    first = round(case.first / period)
+    handle, velocity, force = samples.felt
+    found = judged(
+        period, handle - CENTRE, velocity, force, samples.share, law.stiffness, law.damping, first
+    )
+    error = force - law.stiffness * (handle - CENTRE) - law.damping * velocity
+    step = round(_SUDDEN_S / period)
+    half, last = len(error) // 2, round(LAST / period)
+    after = force[half - step :]
+    figures = {
+        "rms": found.rms,
+        "share": float(samples.share[first:].min()),
+        "shaking": found.shaking,
+        "peak": float(np.abs(error[first:]).max()),
+        "travel": 1e3 * found.travel,
+        "pressed": world.vertical.stop_stiffness
+        * float(np.maximum(handle[-last:] - world.vertical.travel, 0.0).mean()),
+        "sudden": float(np.abs(after[step:] - after[:-step]).max()),
+    }
+    return {figure: figures[figure] for figure in case.figures}
+
+
+Found = dict[str, dict[str, dict[int, list[float]]]]
+"""By case, figure and mode: one value for each rig of a family, in the order of the seeds."""
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--rigs", default=10, type=click.IntRange(1, 1000), help="Rigs of each family.")
+@click.option("--first-seed", default=1, type=click.IntRange(0), help="The first rig's seed.")
+@click.option(
+    "--mode", "chosen", multiple=True, type=click.Choice([str(mode) for mode in MODES]),
+    help="This mode alone (repeat for more).",
+)  # fmt: skip
+@click.option(
+    "--case", "cases", multiple=True, type=click.Choice(list(CASES)), help="This case alone."
+)
+@click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
+              default=Path("study_output"), help="Folder of study.md and study.json.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
+def command(
+    rigs: int, first_seed: int, chosen: tuple[str, ...], cases: tuple[str, ...], folder: Path,
+    workers: int | None,
+) -> None:  # fmt: skip
+    """Measure every mode on rigs drawn by seed and write one table: median, worst."""
+    console, begun = Console(highlight=False), time.monotonic()
+    if not console.is_terminal:
+        console.width = max(console.width, _NARROWEST)
+    seeds = range(first_seed, first_seed + rigs)
+    names, kinds = cases or tuple(CASES), tuple(map(int, chosen)) or MODES
+    wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with worker_pool(workers) as pool, Progress(console=console) as bars:
+            bar = bars.add_task("trials", total=len(wanted))
+            futures = {pool.submit(measured, *each): each for each in wanted}
+            values = {}
+            for future in as_completed(futures):
+                values[futures[future]] = future.result()
+                bars.advance(bar)
+    except KeyboardInterrupt:
+        pool.shutdown(cancel_futures=True)
+        console.print("[bold red]stopped[/]; nothing is written")
+        sys.exit(130)
+    except OSError as error:
+        console.print(f"[bold red]study failed: {error}[/]", soft_wrap=True)
+        sys.exit(1)
+    found = {family: _sorted(values, family, seeds, names, kinds) for family in FAMILIES}
+    seconds = time.monotonic() - begun
+    head = f"Rigs {seeds[0]} to {seeds[-1]} of each family: {len(wanted)} trials in {seconds:.0f} s"
+    text = [f"# Study\n\n{head}: `study --rigs {rigs} --first-seed {first_seed}`."]
+    for family, cases_of in found.items():
+        title = f"Family {family}, {FAMILIES[family]}: median / worst"
+        rows = table_rows(cases_of, kinds)
+        text.append(f"\n## {title}\n\n{_markdown(rows)}")
+        console.print(_shown(title, rows))
+    (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
+    (folder / "study.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    console.print(f"{head}. The table: {folder / 'study.md'}")
+
+
+def _sorted(
+    values: dict[tuple[str, int, int, str], dict[str, float]], family: str, seeds: range,
+    names: tuple[str, ...], kinds: tuple[int, ...],
+) -> Found:  # fmt: skip
+    return {
+        name: {
+            figure: {
+                mode: [values[family, seed, mode, name][figure] for seed in seeds]
+                for mode in kinds
+            }
+            for figure in CASES[name].figures
+        }
+        for name in names
+    }
+
+
+def table_rows(found: Found, kinds: tuple[int, ...]) -> list[tuple[str, ...]]:
+    """Return the rows of a family's table, the first is its head."""
+    rows = [("case", "figure", *(f"mode {mode}" for mode in kinds), "wanted")]
+    for name, figures in found.items():
+        for figure, by_mode in figures.items():
+            limit = WANTED[figure]
+            rows.append((
+                name,
+                FIGURES[figure],
+                *(_cell(by_mode[mode], figure == "share") for mode in kinds),
+                "" if math.isinf(limit) else f"{limit:g}",
+            ))  # fmt: skip
+    return rows
+
+
+def _cell(values: list[float], least: bool) -> str:
+    worst = min(values) if least else max(values)
+    return f"{np.median(values):.3g} / {worst:.3g}"
+
+
+def _markdown(rows: list[tuple[str, ...]]) -> str:
+    head, *body = (f"| {' | '.join(row)} |" for row in rows)
+    return "\n".join((head, "|---" * len(rows[0]) + "|", *body))
+
+
+def _shown(title: str, rows: list[tuple[str, ...]]) -> Table:
+    head, *body = rows
+    table = Table(*head, title=title)
+    for row in body:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def main() -> None:
+    """Console entry point."""
+    command()

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executables that setup.py installs, by name: `screw_module_ros.programs:encoder`.
+
+One place knows which module each of them is, and says in one sentence what is not installed where
+the module cannot be imported.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable
+from typing import Any
+
+_NODES = (
+    "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
+    "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
+    "bringup", "robot_description",
+)  # fmt: skip
+_TRIALS = ("demo", "therapy", "soak", "bench")
+PROGRAMS = {
+    **{name: (f"nodes.{name}", "main") for name in _NODES},
+    **{name: (f"trials.{name}", name) for name in _TRIALS},
+    "characterize": ("identification.live.characterize", "main"),
+    "check_hardware": ("hardware.command", "main"),
+    "reproduce": ("identification.reproduce", "main"),
+    "session": ("session_command", "main"),
+    "study": ("identification.study", "main"),
+}
+"""Name of an executable -> module below this package, function."""
+
+_PACKAGE, _MESSAGES, _ROS = "screw_module_ros", "screw_module_msgs", "rclpy"
+_BUILD = "colcon build && source install/setup.bash (without ROS: make build)"
+_REMEDIES = {
+    _MESSAGES: f"in the workspace, ln -s {_PACKAGE}/msg_defs src/{_MESSAGES} && {_BUILD}",
+    _ROS: "source /opt/ros/jazzy/setup.bash (without ROS: make build)",
+}
+_INSTALL = "rosdep install --from-paths src --ignore-src -y (docs/ros.md; without ROS: make build)"
+
+
+def missing(error: ImportError) -> str:
+    """Return what is not installed and the command that installs it, empty for a defect of ours."""
+    package = (error.name or "").partition(".")[0]
+    if package in ("", _PACKAGE):
+        return ""
+    if not isinstance(error, ModuleNotFoundError):
+        return f"{package} does not fit this {_PACKAGE} ({error}): {_BUILD}"
+    return f"{package} is not installed: {_REMEDIES.get(package, _INSTALL)}"
+
+
+def __getattr__(name: str) -> Callable[[], Any]:
+    """Return the function of an executable; end the process where something is not installed."""
+    if name not in PROGRAMS:
+        raise AttributeError(f"no executable {name}")
+    module, function = PROGRAMS[name]
+    try:
+        return getattr(importlib.import_module(f"{_PACKAGE}.{module}"), function)
+    except ImportError as error:
+        if not (sentence := missing(error)):
+            raise
+        print(f"{name}: {sentence}", file=sys.stderr)
+        raise SystemExit(2) from None

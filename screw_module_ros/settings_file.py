@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one reader of all files and texts that hold settings.
+
+Files are wrong by mistake: one sentence names the file, the key and what is wrong.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .settings import SettingError, read, shown
+
+VERSION = 1
+"""Version of every file with a `format`."""
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """Refuses a key that is written twice, and takes a date for text, as rcl does."""
+
+    yaml_implicit_resolvers = {
+        first: [pair for pair in pairs if pair[0] != "tag:yaml.org,2002:timestamp"]
+        for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        keys = [self.construct_object(key) for key, _ in node.value]
+        for n, (key, _) in enumerate(node.value):
+            if keys[n] in keys[:n]:
+                text = f"key {shown(keys[n])} is written twice"
+                raise yaml.constructor.ConstructorError(None, None, text, key.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+def parse(text: str, where: str) -> Any:
+    """Return the content of a YAML text: mappings, lists, text, numbers, bools and None.
+
+    where: its name in messages. Raises SettingError with the line.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f" in line {mark.line + 1}" if mark else ""
+        reason = getattr(error, "problem", None) or error
+        raise SettingError(f"{where} is no YAML: {' '.join(str(reason).split())}{line}") from None
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of a file. Raises SettingError naming it."""
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or no path
+        reason = getattr(error, "strerror", None) or error
+        raise SettingError(f"{path} cannot be read: {reason}") from None
+
+
+def load(path: str | Path) -> Any:
+    """Return the content of a YAML file. Raises SettingError naming file, line and problem."""
+    return parse(read_text(path), str(path))
+
+
+def read_file(path: str | Path, kind: type, form: str = "") -> Any:
+    """Return a YAML file as the record `kind`.
+
+    form: wanted value of the file's key `format`, empty for a file without one. Raises SettingError
+    naming the file, the key and the problem.
+    """
+    content = load(path)
+    if form and isinstance(content, dict):
+        found = content.pop("format", None), content.pop("version", None)
+        if found != (form, VERSION) or isinstance(found[1], bool):  # True equals 1
+            raise SettingError(
+                f"{path}: format = {shown(found[0])} and version = {shown(found[1])}: "
+                f"{form!r} and {VERSION} are wanted"
+            )
+    try:
+        return read(kind, content)
+    except SettingError as error:
+        raise SettingError(f"{path}: {error}") from None

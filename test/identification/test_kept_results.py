@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each fit and each calculation finds and draws, on benches by formulas: nothing may change.
+
+Kept are values, uncertainties, and of each line of a figure its label and its mean size, all within
+a thousandth. A change on purpose is renewed with
+`make test ARGS="test/identification/test_kept_results.py --write"`; the commit says what changed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from friction_bench import FakeBench
+from sampled_bench import SampledBench, keep_linearization
+
+from screw_module_ros.identification.experiments import EXPERIMENTS
+from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.results import Result
+
+SPEEDS = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
+SETTINGS = {
+    "static_torque": {}, "amplifier_response": {"low": 500.0, "per_decade": 4},
+    "current_response": {"count": 6}, "torque_response": {"count": 6}, "friction_spectrum": {},
+    "friction_map": {"speeds": SPEEDS, "inverted_speeds": SPEEDS[::3]}, "gravity": {},
+    "friction_model": {}, "repeatability": {}, "inertia": {"duration": 4.0},
+    "compliant_mounting": {}, "component_masses": {}, "back_drive": {},
+}  # fmt: skip
+SAMPLED = ("current_response", "torque_response")
+SIMULATED = ("static_torque", "amplifier_response")
+
+
+def measured(name: str, folder: Path, bench: object) -> Result:
+    """Run an experiment after those that it needs."""
+    experiment = EXPERIMENTS[name]
+    if name in SAMPLED:
+        keep_linearization(folder)
+        bench = SampledBench()
+    elif name not in SIMULATED:
+        bench = FakeBench()
+        for need in experiment.needs:
+            measured(need, folder, bench)
+    settings = experiment.settings()._replace(**SETTINGS[name])
+    result = experiment.run(Lab(bench, folder), settings)
+    result.save(folder)
+    return result
+
+
+def digest(result: Result) -> dict[str, float]:
+    found = {}
+    for q in result.quantities:
+        found[f"{q.name} [{q.unit}], {q.text}"] = float(q.value)
+        found[f"{q.name}, uncertainty"] = float(q.uncertainty)
+    for number, figure in EXPERIMENTS[result.experiment].draw(result).items():
+        for part, axes in enumerate(figure.axes):
+            words = axes.get_title("left"), axes.get_xlabel(), axes.get_ylabel()
+            where = f"{number}.{part}: {', '.join(words)}"
+            found[where] = float(np.abs([axes.get_xlim(), axes.get_ylim()]).sum())
+            for line in axes.lines:
+                data = np.abs(np.asarray(line.get_data(), float))
+                found[f"{where}; {line.get_label()}"] = np.nansum(data) / max(data.shape[1], 1)
+            shapes = [patch.get_patch_transform().get_matrix() for patch in axes.patches]
+            found[f"{where}; patches"] = float(np.abs(shapes).sum())
+    return found
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_it_finds_and_draws_what_it_did(name, tmp_path, bench, kept):
+    kept(digest(measured(name, tmp_path, bench)), rel=1e-3)

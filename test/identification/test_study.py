@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The study: what it draws, what its figures are, and the table that it writes."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from screw_module_ros.control import modes
+from screw_module_ros.identification import study
+from screw_module_ros.identification.study import CASES, CENTRE, FIGURES, WANTED, drawn, measured
+from screw_module_ros.plant.patient import hand_point
+
+
+def test_rigs_are_drawn_within_their_ranges_and_are_the_same_for_a_seed():
+    rigs = [drawn("B", seed) for seed in range(60)]
+    assert rigs[7] == drawn("B", 7)
+    mounts = {rig.world.vertical.mount_stiffness for rig in rigs}
+    assert 0.0 in mounts and all(m == 0.0 or 2e6 <= m <= 4e7 for m in mounts)
+    assert {rig.world.start.counts_per_turn for rig in rigs} == {2000, 4000, 8192, 20000}
+    delays = [rig.loop.command_delay for rig in rigs]
+    assert 0.4e-3 <= min(delays) < 0.5e-3 and 2.4e-3 < max(delays) <= 3e-3
+    assert all(2e3 <= rig.grip.stiffness <= 2e4 for rig in rigs)
+    assert all(drawn("A", seed).grip.stiffness == 0.0 for seed in range(5))
+
+
+def test_every_case_has_figures_that_are_known():
+    assert set(WANTED) == set(FIGURES)
+    assert {figure for case in CASES.values() for figure in case.figures} == set(FIGURES)
+
+
+def test_a_plain_spring_shows_its_friction_and_an_observer_takes_it_away():
+    plain = measured("A", 1, modes.IMPEDANCE, "small")
+    observed = measured("A", 1, modes.OBSERVER, "small")
+    assert plain["rms"] > 4.0 > 1.0 > observed["rms"]
+    assert plain["share"] == 1.0
+
+
+def test_an_obstacle_that_is_not_felt_is_pressed_with_what_the_module_gives():
+    """In mode 1 spring and hand press, less the friction; the transducer feels the hand alone."""
+    pressed = measured("A", 1, modes.IMPEDANCE, "obstacle, not felt")["pressed"]
+    hand, spring = 300.0 * (0.12 - 0.02), 100.0 * 0.02
+    assert hand - spring - 16.0 < pressed < hand - spring  # friction of 16 N at most
+
+
+def test_reaches_are_as_fast_as_their_names():
+    way, seconds = study._REACHES["reach 1 m/s, 10 m/s2"]
+    path = CASES["reach 1 m/s, 10 m/s2"].trial(5, None).path
+    times = np.linspace(0.2, 0.2 + seconds, 2001)
+    heights = np.array([hand_point(path, t)[0] for t in times])
+    speed = np.gradient(heights, times)
+    assert heights[-1] - heights[0] == pytest.approx(way)
+    assert heights[0] + 0.5 * way == pytest.approx(CENTRE)
+    assert speed.max() == pytest.approx(1.0, abs=0.01)
+    assert np.gradient(speed, times).max() == pytest.approx(10.0, abs=0.1)
+
+
+def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
+    run = CliRunner().invoke(
+        study.command,
+        ["--rigs", "2", "--mode", "1", "--case", "held", "--folder", str(tmp_path),
+         "--workers", "1"],
+    )  # fmt: skip
+    assert run.exit_code == 0, run.output
+    text = (tmp_path / "study.md").read_text(encoding="utf-8")
+    found = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))
+    values = found["A"]["held"]["rms"]["1"]
+    assert values == [measured("A", seed, 1, "held")["rms"] for seed in (1, 2)]
+    assert f"{np.median(values):.3g} / {max(values):.3g}" in text
+    assert "Family B, soft grip" in text and "study --rigs 2 --first-seed 1" in text
+
+
+def test_the_least_share_is_the_worst():
+    rows = study.table_rows({"slow": {"share": {5: [0.2, 1.0, 0.9]}}}, (5,))
+    assert rows[1] == ("slow", "least share", "0.9 / 0.2", "1")
+    assert math.isinf(WANTED["peak"])

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Encoder and drive position drift apart a little at a time, or once because the drive restarts."""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.geometry import COUNTS_PER_TURN, SCREW
+
+
+def slip(bench, metres: float) -> None:
+    """Let the drive's position move by as much as the encoder's would have to."""
+    counts = round(metres / SCREW.lead * COUNTS_PER_TURN)
+    assert bench.rig.inject("drive", "position_jump", counts, 0.0, bench.now_ns)
+
+
+def cycles(bench, metres: float, count: int) -> list[str]:
+    """Enable, slip with the torque on or off in turn, disable; return the reasons."""
+    reasons = []
+    for number in range(count):
+        if number % 2:
+            slip(bench, metres)
+        assert bench.enable() == ""
+        bench.seconds(0.1)
+        if not number % 2:
+            slip(bench, metres)
+        bench.seconds(0.1)
+        reasons.append(bench.controller.reason)
+        if reasons[-1]:
+            break
+        assert bench.disable() == ""
+        bench.seconds(0.1)
+    return reasons
+
+
+def test_slips_add_up_over_enablings(bench):
+    """The comparison began anew with each of them."""
+    bench.controller.mode = 1
+    reasons = cycles(bench, 0.0007, 6)
+    assert reasons[:2] == ["", ""]
+    assert reasons[2].startswith("encoder and drive disagree by -2.1 mm")
+    assert bench.rows[-1].force == 0.0
+
+
+def test_slips_one_way_and_the_other_do_not(bench):
+    bench.controller.mode = 1
+    for metres in (0.0015, -0.0015):
+        assert cycles(bench, metres, 1) == [""]
+
+
+def test_a_drive_that_counts_from_elsewhere_while_off_is_no_slip(bench):
+    bench.controller.mode = 1
+    assert cycles(bench, 0.0007, 2) == ["", ""]
+    slip(bench, 0.05)
+    bench.seconds(0.1)
+    assert cycles(bench, 0.0007, 2) == ["", ""], "the comparison has begun anew"
+
+
+@pytest.mark.parametrize("shift", [0.0001, 0.003])
+def test_a_homing_elsewhere_is_no_slip(bench, shift):
+    bench.controller.mode = 1
+    assert cycles(bench, 0.0007, 2) == ["", ""]
+    encoder = bench.encoder
+    encoder.settings = encoder.settings._replace(home_position=bench.home + shift)
+    encoder.home()
+    bench.ticks(12)
+    assert abs(bench.rows[-1].position - bench.home - shift) < 1e-4
+    assert cycles(bench, 0.0005, 1) == [""]
