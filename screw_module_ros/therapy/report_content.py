@@ -190,9 +190,9 @@ def _assistance(recorded: Recorded, assisted: Sequence[Row]) -> str:
 
 
 def rate_of(sessions: Sequence[Recorded]) -> str:
-    """Return the sampling rate of all sessions as text."""
+    """Return the sampling rate of all sessions as text, empty without samples."""
     rates = sorted({round(row["rate"]) for s in sessions for row in s.trials if row["rate"] > 0})
-    return " and ".join(f"{rate} Hz" for rate in rates) or "no samples"
+    return " and ".join(f"{rate} Hz" for rate in rates)
 
 
 def labelled(name: str) -> str:

@@ -67,6 +67,12 @@ def evaluation() -> list[Recorded]:
     return [recorded(HEALTHY, protocol._replace(blocks=blocks), 1)]
 
 
+def ended_at_once() -> list[Recorded]:
+    """Nothing was moved: the report drew empty axes, and was "sampled at no samples"."""
+    (whole, _) = plane()
+    return [whole._replace(trials=[], acts=whole.acts[:1], changes=[])]
+
+
 def marks(figure: Figure) -> list[dict]:
     """Return what is on each panel: texts, limits, and each line by colour and rounded points."""
     return [
@@ -90,7 +96,9 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-@pytest.mark.parametrize("made", [bag, plane, unaided, evaluation], ids=lambda made: made.__name__)
+@pytest.mark.parametrize(
+    "made", [bag, plane, unaided, evaluation, ended_at_once], ids=lambda made: made.__name__
+)
 def test_the_page_is_the_kept_one(made, kept, tmp_path):
     sessions = made()
     file = write_report(tmp_path / "page.html", sessions, [replayed(each) for each in sessions])
