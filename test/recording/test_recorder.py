@@ -68,6 +68,31 @@ def test_full_cache_drops_and_counts(tmp_path, encoder_topic, samples):
     assert status.error == ""
 
 
+def test_what_was_written_makes_room_in_the_cache(tmp_path, encoder_topic, samples):
+    settings = StorageSettings(max_cache=2**20)
+    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
+    session.add_topic(encoder_topic)
+    for start in range(0, 20_000, 1000):
+        session.put(samples(1, range(start, start + 1000)))
+        session.work(start * 1_000_000)
+    status = session.close()
+    assert (status.messages, status.dropped) == (20_000, 0), "more than twice the cache in all"
+
+
+def test_what_is_refused_counts_for_its_own_topic(tmp_path, encoder_topic, samples):
+    settings = StorageSettings(max_cache=2**20)
+    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
+    session.add_topic(encoder_topic)
+    other = session.add_topic(encoder_topic._replace(name="/other"))
+    for start in range(0, 8000, 1000):
+        session.put(samples(1, range(start, start + 1000)))
+    kept = session.status().waiting
+    session.put(samples(other, range(1000)))
+    audit = session.close().audit
+    assert audit["/screw/encoder"].dropped == 8000 - kept > 0
+    assert audit["/other"].dropped == 1000
+
+
 def test_closing_writes_what_waits(session, samples):
     session.put(samples(1, range(25)))
     status = session.close()

@@ -103,6 +103,11 @@ def test_path_that_is_no_bag(tmp_path):
     assert information(tmp_path) == {}
 
 
+def test_a_file_that_cannot_be_opened_is_named(tmp_path):
+    with pytest.raises(BagError, match="gone.mcap cannot be read: No such file"):
+        File(tmp_path / "gone.mcap").notes()
+
+
 def test_torn_bag_says_how_to_repair_it(bag):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
