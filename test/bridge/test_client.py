@@ -224,6 +224,17 @@ def test_a_set_point_is_refused_and_goes_nowhere(gateway, role):
     assert gateway.published == []
 
 
+def test_what_may_not_be_published_may_not_be_advertised(gateway):
+    """roslibjs advertises first: a game's author hears of it before the first message."""
+    page = client(gateway, PATIENT, wishes=True)
+    kind = "screw_module_msgs/EndpointSetpoint"
+    page.take(text("advertise", topic="/setpoint", type=kind, id="7"), 0)
+    (answer,) = sent(page, 0)
+    assert answer["level"] == "error" and answer["id"] == "7"
+    page.take(text("advertise", topic="/therapy/wish", type=kind, id="8"), 0)
+    assert sent(page, 0) == []
+
+
 def test_the_patients_token_reads_what_the_patients_page_shows(gateway):
     page = client(gateway, PATIENT)
     page.take(text("publish", topic="/therapy/wish", msg={}), 0)

@@ -69,6 +69,14 @@ def test_a_token_gives_its_role():
         assert not wrong or wrong not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("token", "told"), [(None, "no token"), ("", "no token"), ("guessed", "wrong token")]
+)
+def test_a_missing_token_is_told_from_a_wrong_one(token, told):
+    with pytest.raises(Refused, match=f"^{told}: open the address that the bridge printed"):
+        door().role_of(token)
+
+
 def test_where_a_token_may_stand():
     assert token_in({"token": "a"}, {}) == "a"
     assert token_in({"token": "a"}, {"Authorization": "Bearer b"}) == "b"

@@ -247,6 +247,14 @@ def test_every_fault_of_every_device_can_be_injected_and_cleared(make_bench):
     assert bench.ask(0x128) == [(0x128, "02 03")]
 
 
+def test_sizes_and_texts_of_all_faults_are_the_kept_ones(make_bench, kept):
+    devices = make_bench("encoder", "drive", "force_sensor", "planar").rig.devices
+    kept({
+        name: {fault: f"{each.text}; {each.size}" for fault, each in device.FAULTS.items()}
+        for name, device in devices.items()
+    })  # fmt: skip
+
+
 def test_every_fault_of_the_list_is_a_word_of_its_own(make_bench):
     """A name as long as its column ran into its description."""
     rig = make_bench("encoder", "drive", "force_sensor").rig
