@@ -13,6 +13,10 @@ import random
 
 import pytest
 
+from screw_module_ros.profiles import DRIVE as A_DRIVE
+from screw_module_ros.profiles import ENCODER as AN_ENCODER
+from screw_module_ros.profiles import NAMES, load
+from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.rig.faults import CABLE, CANOPEN, DRIVE, ENCODER, FORCE_SENSOR
 
 INDICES = (
@@ -34,9 +38,12 @@ def digest(lines: list) -> str:
     return hashlib.sha256(repr(lines).encode()).hexdigest()[:16]
 
 
-def made(make_bench, device: str):
-    """Return a bench whose device is at work, with a load and a motion to report."""
-    bench = make_bench(device)
+def made(make_bench, device: str, **makes: str):
+    """Return a bench whose device is at work, with a load and a motion to report.
+
+    makes: profiles, by the names of `RigSettings`.
+    """
+    bench = make_bench(device, settings=RigSettings(**makes))
     bench.world.counts_per_second, bench.world.load = 1234.5, (1.0, -2.0, 30.0, 0.1, 0.2, -0.3)
     if device in NODES:
         bench.start(NODES[device])
@@ -107,3 +114,23 @@ def test_what_any_frame_is_answered_with(make_bench, device, kept):
         bench.send(can_id, data.hex())
         lines.append(bench.run(chance.choice((0, 0, 1))))
     kept(digest(lines))
+
+
+@pytest.mark.parametrize("make", NAMES)
+def test_every_make_at_work_and_what_its_objects_say(make_bench, make, kept):
+    device, setting = {
+        A_DRIVE: ("drive", "drive_profile"), AN_ENCODER: ("encoder", "encoder_profile"),
+    }.get(load(make).kind, ("force_sensor", "sensor_profile"))  # fmt: skip
+    bench, chance = made(make_bench, device, **{setting: make}), random.Random(make)
+    frames = at_work(bench, device, 60, chance)
+    if make == "ati_net":  # it has another request
+        frames = [bench.ask(0x120, "02") + bench.run(1) for _ in range(60)]
+    assert any(lines for lines in frames if isinstance(lines, list))
+    found = {"at work": digest(frames)}
+    if device in NODES:
+        found["objects"] = digest([
+            bench.read(NODES[device], f"{index:04X}:{subindex:02X}")
+            for index in INDICES
+            for subindex in range(2)
+        ])  # fmt: skip
+    kept(found)
