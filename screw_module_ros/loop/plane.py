@@ -97,26 +97,13 @@ class PlaneWires(NamedTuple):
 
 
 class Joint:
-    """Angle and velocity of one joint, from its drive.
-
-    angle: absolute once homed [rad]; velocity: filtered [rad/s].
-    """
+    """One joint, by its drive. motion: angle, absolute once homed [rad], and velocity [rad/s]."""
 
     def __init__(self, settings: JointSettings, freeze: FreezeSettings, period_ns: int):
         self.frozen = Frozen(freeze)
         self.motion = Motion(settings.velocity_cutoff, period_ns)
         self._settings = settings
         self._period_ns = period_ns
-
-    @property
-    def angle(self) -> float:
-        """Absolute angle [rad], once homed."""
-        return self.motion.position
-
-    @property
-    def velocity(self) -> float:
-        """Filtered velocity [rad/s]."""
-        return self.motion.velocity
 
     def take(self, position: float, periods: int) -> str:
         """Process the drive's position [rad], `periods` after the last; return its fault or "".
@@ -148,11 +135,11 @@ class Joint:
 class Plane:
     """Both joints, their drives and the law; `step` is one tick.
 
-    settings: of the law, may be replaced at any time. joints: both. permit: the gate with both
-    drives. guide: the slot, if there is one. wanted: the set point, x and y. output: of the law in
-    the last tick, None without positions. written: torques of the last tick [Nm]. meter: latency
-    from the tick to the torques. skipped: ticks that an overrun skipped. force_period_ns: between
-    the force samples that it gets.
+    settings: of the law, may be replaced at any time. joints: both, motions: theirs. permit: the
+    gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. output:
+    of the law in the last tick, None without positions. written: torques of the last tick [Nm].
+    meter: latency from the tick to the torques. skipped: ticks that an overrun skipped.
+    force_period_ns: between the force samples that it gets.
     """
 
     def __init__(
@@ -177,6 +164,7 @@ class Plane:
             max(drive.settings.enable_timeout for drive in drives),
         )  # fmt: skip
         self.joints = (Joint(joints, freeze, period_ns), Joint(joints, freeze, period_ns))
+        self.motions = self.joints[0].motion, self.joints[1].motion
         self.guide = Guide(slot_limits)
         self._drives, self._port, self._clock = drives, port, port.clock
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
@@ -189,8 +177,8 @@ class Plane:
     @property
     def homed(self) -> bool:
         """Whether both angles are absolute."""
-        shoulder, elbow = self.joints
-        return shoulder.motion.homed and elbow.motion.homed
+        shoulder, elbow = self.motions
+        return shoulder.homed and elbow.homed
 
     def measures(self, now_ns: int) -> bool:
         """Return whether both drives have told their positions lately, at now_ns [ns]."""
@@ -312,7 +300,7 @@ class Plane:
         self._acted.note(now_ns)
         self._measure(max(1, round(elapsed_ns / self._period_ns)))
         self._check_frozen()
-        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        shoulder, elbow = self.motions
         acts = shoulder.homed and elbow.homed and self.permit.enabled
         x, y, vx, vy = self.wanted.at(now_ns, acts)
         inp = PlanarInput(
@@ -351,7 +339,7 @@ class Plane:
     def _guidance(self, now_ns: int, dt: float) -> Guidance:
         if self.guide.free:
             return NO_GUIDANCE
-        shoulder, elbow = self.joints[0].motion, self.joints[1].motion
+        shoulder, elbow = self.motions
         x, y = forward(shoulder.position, elbow.position, self.settings.arm)
         x_s, x_e, y_s, y_e = jacobian(shoulder.position, elbow.position, self.settings.arm)
         vx = x_s * shoulder.velocity + x_e * elbow.velocity
@@ -364,7 +352,7 @@ class Plane:
             for joint in self.joints:
                 joint.frozen.restart()
             return
-        angles = self.joints[0].motion.position, self.joints[1].motion.position
+        angles = self.motions[0].position, self.motions[1].position
         judged = clear_of_stops(self.settings, *angles)
         pushed = hand_torques(*angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
         for drive, joint, torque, push in zip(
@@ -406,15 +394,15 @@ class Plane:
         if not self.measures(now_ns):
             return "the drives do not answer"
         for drive, joint in zip(self._drives, self.joints, strict=True):
-            if abs(joint.velocity) > settings.home_speed_limit:
+            if abs(speed := joint.motion.velocity) > settings.home_speed_limit:
                 return (
-                    f"{drive.label} turns at {joint.velocity:.3f} rad/s; let the handle rest at "
-                    "the reference mark"
+                    f"{drive.label} turns at {speed:.3f} rad/s; let the handle rest at the "
+                    "reference mark"
                 )
         mark = settings.home_x, settings.home_y
         if self.homed or self._rehoming.contradicted:
-            shoulder, elbow = self.joints
-            place = forward(shoulder.angle, elbow.angle, self.settings.arm)
+            shoulder, elbow = self.motions
+            place = forward(shoulder.position, elbow.position, self.settings.arm)
             if refused := self._rehoming.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False

@@ -62,6 +62,7 @@ _STATES = {
 class RobotError(RuntimeError):
     """A request to the robot failed; the message names the node and quotes it."""
 
+
 Me = TypeVar("Me", bound="Client")
 
 

@@ -79,7 +79,7 @@ def test_the_plane_is_homed_where_its_mark_is_and_only_at_rest(bench):
     for each in plane.joints:
         each.motion.homed = False
     assert plane.take_home(bench.now_ns) == ""
-    assert [j.angle for j in plane.joints] == pytest.approx(inverse(0.03, -0.02))
+    assert [j.motion.position for j in plane.joints] == pytest.approx(inverse(0.03, -0.02))
     for number, label in enumerate(("shoulder", "elbow")):
         rest = plane.joints[number].motion
         rest.velocity = -0.02
@@ -128,7 +128,7 @@ def test_a_joint_is_judged_by_motor_and_hand_together(bench, sign, faulty, doubt
     )
     plane.on_force(sample, bench.now_ns)
     plane.permit.fault.clear()
-    pushed = hand_torques(*(each.angle for each in plane.joints), 20.0, -25.0)
+    pushed = hand_torques(*(each.motion.position for each in plane.joints), 20.0, -25.0)
     assert max(map(abs, pushed)) > 3.0
     plane.written = tuple(sign * torque for torque in pushed)
     for _ in range(120):
@@ -150,11 +150,11 @@ def test_before_the_first_tick_nothing_is_commanded(bench):
 
 def test_what_a_frozen_joint_has_added_up_is_forgotten_without_torque(bench):
     for each in bench.plane.joints:
-        assert each.frozen.check(each.angle, 50.0, 0.0) == ""
-        assert each.frozen.check(each.angle, 50.0, 0.09) == ""
+        assert each.frozen.check(each.motion.position, 50.0, 0.0) == ""
+        assert each.frozen.check(each.motion.position, 50.0, 0.09) == ""
     bench.tick()
     for each in bench.plane.joints:
-        assert each.frozen.check(each.angle, 50.0, 0.09) == ""
+        assert each.frozen.check(each.motion.position, 50.0, 0.09) == ""
 
 
 def test_ticks_that_an_overrun_skips_are_counted_by_each_part(bench):

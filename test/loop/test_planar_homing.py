@@ -33,17 +33,17 @@ def test_elsewhere_it_must_be_asked_for_twice(bench):
     """The handle stands 5 cm from where the last homing says the mark is."""
     axes = bench.plane
     shoulder, elbow = axes.joints
-    shoulder.motion.home(shoulder.angle + 0.1)
-    angles = shoulder.angle, elbow.angle
+    shoulder.motion.home(shoulder.motion.position + 0.1)
+    angles = shoulder.motion.position, elbow.motion.position
     refused = axes.take_home(bench.now_ns)
     assert "mm against the last homing" in refused and "again" in refused
-    assert (shoulder.angle, elbow.angle) == angles, "nothing moved"
+    assert (shoulder.motion.position, elbow.motion.position) == angles, "nothing moved"
     assert not axes.homed and "not homed" in bench.enable_plane()
     bench.ticks(500)
     assert "against" in axes.take_home(bench.now_ns), "too soon to be a second thought"
     bench.ticks(2000)
     assert axes.take_home(bench.now_ns) == ""
-    assert abs(shoulder.angle - angles[0]) > 0.09
+    assert abs(shoulder.motion.position - angles[0]) > 0.09
     assert axes.take_home(bench.now_ns) == "", "the same mark again"
 
 

@@ -99,8 +99,8 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     _fill_permit(message, plane.permit)
     message.drive_state = [int(drive.state(now_ns)) for drive in drives]
     message.error_code = [drive.error_code for drive in drives]
-    message.joint_position = [joint.angle for joint in plane.joints]
-    message.joint_velocity = [joint.velocity for joint in plane.joints]
+    message.joint_position = [motion.position for motion in plane.motions]
+    message.joint_velocity = [motion.velocity for motion in plane.motions]
     message.commanded_torque = list(plane.written)
     message.measured_torque = [
         drive.reading.torque if drive.reading else 0.0 for drive in drives
