@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from ..control import modes
@@ -240,16 +242,16 @@ class Report(NamedTuple):
     def tables(self) -> list[Table | str]:
         """Return the tables for a terminal."""
         found: list[Table | str] = [
-            _terminal(title, COMPARED_HEAD, compared_rows(self.compared, group, brief=True))
+            shown(title, COMPARED_HEAD, compared_rows(self.compared, group, brief=True))
             for group, title in GROUPS.items()
         ]
         truth = "Identified and hidden truth"
-        found.append(_terminal(truth, CHECKED_HEAD, checked_rows(self.checked, brief=True)))
+        found.append(shown(truth, CHECKED_HEAD, checked_rows(self.checked, brief=True)))
         if closing := closing_rows(self.modules):
-            found.append(_terminal("The loop closed", CLOSING_HEAD, closing))
+            found.append(shown("The loop closed", CLOSING_HEAD, closing))
         if changed := robustness_rows(self.modules):
             title = "rms [N]: not calibrated / calibrated / changed since"
-            found.append(_terminal(title, robustness_head(self.modules), changed))
+            found.append(shown(title, robustness_head(self.modules), changed))
         found.append("\n".join(f"missed: {miss.text}" for miss in self.misses) or "Nothing missed.")
         return [*found, f"{self.headline}."]
 
@@ -327,12 +329,21 @@ def _label(quantity: Quantity, brief: bool) -> str:
     return quantity.name if brief else f"*{quantity.name}*: {quantity.text}"
 
 
-def _terminal(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+def terminal(narrowest: int) -> Console:
+    """Return the terminal of a command; where it is a file, with so many columns at least."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = max(console.width, narrowest)
+    return console
+
+
+def shown(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a table for the terminal."""
     table = Table(title=title, title_justify="left")
     for name in head:
         table.add_column(name)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     return table
 
 

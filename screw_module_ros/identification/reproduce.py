@@ -24,7 +24,7 @@ from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
 from .lab import Lab, MissingResult, worker_pool
 from .page import write_page
-from .report import Module, Outcome
+from .report import Module, Outcome, terminal
 from .trials import NotPossible
 
 ON_EVERY_MODULE = (
@@ -75,9 +75,7 @@ def command(
     strict: bool,
 ) -> None:
     """Run every experiment of the thesis on the simulated module and write a report."""
-    console, begun = Console(highlight=False), time.monotonic()
-    if not console.is_terminal:
-        console.width = max(console.width, _NARROWEST)
+    console, begun = terminal(_NARROWEST), time.monotonic()
     try:
         if fresh:
             _remove_own(folder)

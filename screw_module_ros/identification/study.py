@@ -3,7 +3,7 @@
 
 A law is judged on rigs that it was not tuned on. A rig is one of `load_world(seed)` whose mount
 (thesis appendix A), encoder, delay and transducer are drawn as well, wider than between two
-modules of one make. Family A has a rigid hand, family B a hand with a soft grip (`plant.module`).
+modules of one make. Family A has a rigid hand, family B a hand with a soft grip (`plant.patient`).
 The trials are those in which a force-feedback law fails: reaches, walls that stand or move, a heavy
 arm, an obstacle that the transducer does not feel, a change of mode, besides slow and small motion,
 holding and letting go. No mode is calibrated. In process, no ROS, no hardware.
@@ -23,20 +23,17 @@ from typing import NamedTuple
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress
-from rich.table import Table
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..plant.module import Grip
-from ..plant.patient import HandPath, resting
+from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from .bench import InProcessBench, LoopSettings
 from .force_error import wall, with_damping
 from .force_metric import LAST, judged
 from .lab import worker_pool
+from .report import shown, terminal
 from .trials import Arm, HandTrial, MotionTrial
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
@@ -61,7 +58,7 @@ class Rig(NamedTuple):
 
     world: WorldSettings
     loop: LoopSettings
-    grip: Grip
+    grip: ArmForce
 
 
 def drawn(family: str, seed: int) -> Rig:
@@ -75,8 +72,8 @@ def drawn(family: str, seed: int) -> Rig:
         start=world.start._replace(counts_per_turn=draw.choice(_COUNTS)),
     )
     loop = LoopSettings(rate=1000.0, command_delay=_between(draw, 0.4e-3, 3e-3))
-    grip = Grip(_between(draw, 2e3, 2e4), _between(draw, 10.0, 60.0), draw.uniform(0.3, 0.6))
-    return Rig(world, loop, grip if family == "B" else Grip())
+    grip = soft_grip(_between(draw, 2e3, 2e4), _between(draw, 10.0, 60.0), draw.uniform(0.3, 0.6))
+    return Rig(world, loop, grip if family == "B" else RIGID)
 
 
 def _between(draw: random.Random, low: float, high: float) -> float:
@@ -231,9 +228,7 @@ def command(
     workers: int | None,
 ) -> None:  # fmt: skip
     """Measure every mode on rigs drawn by seed and write one table: median, worst."""
-    console, begun = Console(highlight=False), time.monotonic()
-    if not console.is_terminal:
-        console.width = max(console.width, _NARROWEST)
+    console, begun = terminal(_NARROWEST), time.monotonic()
     seeds = range(first_seed, first_seed + rigs)
     names, kinds = cases or tuple(CASES), tuple(map(int, chosen)) or MODES
     wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
@@ -243,11 +238,14 @@ def command(
             bar = bars.add_task("trials", total=len(wanted))
             futures = {pool.submit(measured, *each): each for each in wanted}
             values = {}
-            for future in as_completed(futures):
-                values[futures[future]] = future.result()
-                bars.advance(bar)
+            try:
+                for future in as_completed(futures):
+                    values[futures[future]] = future.result()
+                    bars.advance(bar)
+            finally:  # the end of the pool waits for what is not cancelled
+                for future in futures:
+                    future.cancel()
     except KeyboardInterrupt:
-        pool.shutdown(cancel_futures=True)
         console.print("[bold red]stopped[/]; nothing is written")
         sys.exit(130)
     except OSError as error:
@@ -261,7 +259,7 @@ def command(
         title = f"Family {family}, {FAMILIES[family]}: median / worst"
         rows = table_rows(cases_of, kinds)
         text.append(f"\n## {title}\n\n{_markdown(rows)}")
-        console.print(_shown(title, rows))
+        console.print(shown(title, rows[0], rows[1:]))
     (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
     (folder / "study.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
     console.print(f"{head}. The table: {folder / 'study.md'}")
@@ -306,14 +304,6 @@ def _cell(values: list[float], least: bool) -> str:
 def _markdown(rows: list[tuple[str, ...]]) -> str:
     head, *body = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join((head, "|---" * len(rows[0]) + "|", *body))
-
-
-def _shown(title: str, rows: list[tuple[str, ...]]) -> Table:
-    head, *body = rows
-    table = Table(*head, title=title)
-    for row in body:
-        table.add_row(*map(escape, row))
-    return table
 
 
 def main() -> None:

@@ -22,12 +22,10 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
-from ..plant.module import Grip
-from ..plant.patient import HandPath
+from ..plant.patient import RIGID, ArmForce, HandPath
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
-_RIGID = Grip()
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
@@ -155,7 +153,7 @@ class HandTrial(NamedTuple):
     motion: MotionTrial
     before: HandPath
     path: HandPath
-    grip: Grip = _RIGID
+    grip: ArmForce = RIGID
     switched_after: float = math.inf
     then_mode: int = 0
 

@@ -15,7 +15,7 @@ from ..settings import Setting
 from .amplifier import Amplifier, AmplifierStep, amplifier_step_settings
 from .friction import Friction
 from .instruments import RotorStep, Transducer, rotor_step_settings
-from .patient import ArmForce
+from .patient import RIGID, ArmForce
 
 HUMAN_ARM, FREE, STAGE, LOCKED_ROTOR = 0, 1, 2, 3
 
@@ -48,27 +48,11 @@ class Vertical(NamedTuple):
     grip_height: Annotated[float, Setting("hand above the transducer", "m", 0.0, 0.5)]
 
 
-class Grip(NamedTuple):
-    """The soft tissue of a hand between handle and arm; with stiffness 0 the hand is rigid.
-
-    stiffness [N/m], damping [Ns/m], mass: of what moves with the handle [kg]; limit: a grip does
-    not slip.
-    """
-
-    stiffness: float = 0.0
-    damping: float = 0.0
-    mass: float = 0.0
-    limit: float = math.inf
-
-
-_RIGID = Grip()
-
-
 class VerticalParams(NamedTuple):
     """Everything `vertical_step` needs, for substeps of `dt` [s].
 
     turn_rate: 2 pi / lead [rad/m]; force_lag: time constant of the transducer's filter [s];
-    hysteresis: half the width of the transducer's loop [N]; grip: of the hand.
+    hysteresis: half the width of the transducer's loop [N]; grip: of the hand, `RIGID` or soft.
     """
 
     module: Vertical
@@ -81,7 +65,7 @@ class VerticalParams(NamedTuple):
     dt: float
     force_lag: float = 0.0
     hysteresis: float = 0.0
-    grip: Grip = _RIGID
+    grip: ArmForce = RIGID
 
 
 class ModuleInput(NamedTuple):
@@ -153,13 +137,12 @@ def vertical_params(
     dt: float,
     force_bandwidth: float = math.inf,
     hysteresis: float = 0.0,
-    grip: Grip = _RIGID,
+    grip: ArmForce = RIGID,
 ) -> VerticalParams:
     """Return the parameters of `vertical_step` for substeps of dt [s].
 
     force_bandwidth: of the transducer's filter [Hz]; hysteresis: half the width of its loop [N];
-    grip: of the hand. Raises ValueError when dt does not suit the
-    amplifier's delay.
+    grip: of the hand. Raises ValueError when dt does not suit the amplifier's delay.
     """
     return VerticalParams(
         module,

@@ -72,6 +72,18 @@ class HandPath(NamedTuple):
     tremor: float
 
 
+RIGID = ArmForce(0.0, 0.0, 0.0, math.inf, 0.0)
+"""The grip of a rigid hand: there is none between handle and arm."""
+
+
+def soft_grip(stiffness: float, damping: float, mass: float) -> ArmForce:
+    """Return the soft tissue of a hand between handle and arm, which does not slip.
+
+    stiffness [N/m], damping [Ns/m]; mass: of what moves with the handle [kg].
+    """
+    return RIGID._replace(mass=mass, stiffness=stiffness, damping=damping)
+
+
 def arm_force(arm: HumanArm, gravity: float) -> ArmForce:
     """Return the arm for the equations of motion; gravity [m/s^2]."""
     relaxed = RELAXED_SHARE if arm.kind == RELAXED else 1.0
@@ -111,12 +123,11 @@ def hand_point(path: HandPath, time: float) -> tuple[float, float]:
 
 
 def spring_terms(
-    arm: Any, hand: float, hand_velocity: float, position: float, velocity: float
+    arm: ArmForce, hand: float, hand_velocity: float, position: float, velocity: float
 ) -> tuple[float, float, float]:
     """Return (stiffness, damping, constant force) that act over one substep on one axis.
 
-    arm: an `ArmForce`, or the `Grip` of a hand; at its limit it is a constant force. hand,
-    position [m]; velocities [m/s].
+    A weak arm at its limit is a constant force. hand, position [m]; velocities [m/s].
     """
     force = arm.stiffness * (hand - position) + arm.damping * (hand_velocity - velocity)
     if force > arm.limit:

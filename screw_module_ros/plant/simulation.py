@@ -37,6 +37,12 @@ class SimulationState(NamedTuple):
     vz: float
 
 
+# Where its parts begin in `numbers_of` a state.
+_VERTICAL = 1
+_PLANAR = _VERTICAL + len(ModuleState._fields)
+_HAND = _PLANAR + len(ManusState._fields)
+
+
 def advance(
     p: SimulationParams,
     s: SimulationState,
@@ -100,10 +106,10 @@ def advance_packed(
     )  # fmt: skip
     s = advance(parameters[0], s, vertical_input, planar_input, steps)
     n[0] = s.ticks
-    for i in range(24):
-        n[1 + i] = s.vertical[i]
-    for i in range(10):
-        n[25 + i] = s.planar[i]
+    for i in range(_PLANAR - _VERTICAL):
+        n[_VERTICAL + i] = s.vertical[i]
+    for i in range(_HAND - _PLANAR):
+        n[_PLANAR + i] = s.planar[i]
     n[35], n[36], n[37], n[38], n[39], n[40] = s.x, s.y, s.z, s.vx, s.vy, s.vz
 
 
@@ -115,5 +121,6 @@ def numbers_of(s: SimulationState) -> list[float]:
 def state_of(numbers: list[float]) -> SimulationState:
     """Return the state with these numbers."""
     new = tuple.__new__  # each millisecond: without the calls of their constructors
-    vertical, planar = new(ModuleState, numbers[1:25]), new(ManusState, numbers[25:35])
-    return SimulationState(int(numbers[0]), vertical, planar, *numbers[35:])
+    vertical = new(ModuleState, numbers[_VERTICAL:_PLANAR])
+    planar = new(ManusState, numbers[_PLANAR:_HAND])
+    return SimulationState(int(numbers[0]), vertical, planar, *numbers[_HAND:])

@@ -154,22 +154,16 @@ def _move(
     weight = m.moving_mass * m.gravity
     mass = m.moving_mass
     stiffness, viscous, steady = 0.0, 0.0, 0.0
-    carried, own_weight = 0.0, 0.0  # of the hand or the arm
-    if u.fixture == HUMAN_ARM and p.grip.stiffness > 0.0:
-        carried = p.grip.mass
+    held, hand, hand_velocity = p.arm, u.hand, u.hand_velocity
+    if p.grip.stiffness > 0.0:  # the arm is the hand then; ahead, or its spring would damp both
+        held, hand, hand_velocity = p.grip, s.arm + dt * s.arm_velocity, s.arm_velocity
+    if u.fixture == HUMAN_ARM:
+        mass += held.mass
+        weight += held.weight
         stiffness, viscous, steady = spring_terms(
-            p.grip, s.arm, s.arm_velocity, s.handle, s.handle_velocity
+            held, hand, hand_velocity, s.handle, s.handle_velocity
         )
-        ahead = s.arm + dt * s.arm_velocity  # else the spring would damp a motion of both
-        steady += stiffness * (ahead - s.handle) + viscous * s.arm_velocity
-    elif u.fixture == HUMAN_ARM:
-        carried, own_weight = p.arm.mass, p.arm.weight
-        stiffness, viscous, steady = spring_terms(
-            p.arm, u.hand, u.hand_velocity, s.handle, s.handle_velocity
-        )
-        steady += stiffness * (u.hand - s.handle) + viscous * u.hand_velocity
-    mass += carried
-    weight += own_weight
+        steady += stiffness * (hand - s.handle) + viscous * hand_velocity
     stop, stopped = _stop_terms(m, s.handle, s.handle_velocity, dt)
     stop_gain = stopped * (m.stop_stiffness * dt + m.stop_damping)
     rail_keep, rail_slope, _ = bristle_terms(
@@ -196,7 +190,7 @@ def _move(
         patient = mass * acceleration + contact - own + stop_gain * handle_velocity
     elif u.fixture == HUMAN_ARM:
         patient = steady - (stiffness * dt + viscous) * handle_velocity
-        patient -= carried * acceleration + u.upright * own_weight
+        patient -= held.mass * acceleration + u.upright * held.weight
     else:
         patient = 0.0
     rail = settled_bristle(

@@ -11,8 +11,8 @@ from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, Grip, resting_state
-from screw_module_ros.plant.patient import ArmForce
+from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state
+from screw_module_ros.plant.patient import ArmForce, soft_grip
 from screw_module_ros.plant.vertical import vertical_step
 
 
@@ -200,7 +200,7 @@ def test_the_transducer_has_its_hysteresis(vertical, still):
 
 def test_a_soft_grip_stretches_as_spring_and_arm_in_series(vertical, still):
     p = vertical._replace(
-        arm=ArmForce(3.0, 300.0, 5.0, math.inf, 0.0), grip=Grip(6000.0, 30.0, 0.4)
+        arm=ArmForce(3.0, 300.0, 5.0, math.inf, 0.0), grip=soft_grip(6000.0, 30.0, 0.4)
     )
     u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.21)
     s = run(p, resting_state(p.module, 0.2, 1.0), u, 100_000)
@@ -212,7 +212,7 @@ def test_a_soft_grip_stretches_as_spring_and_arm_in_series(vertical, still):
 def test_an_arm_behind_a_soft_grip_swings_at_its_own_frequency(vertical, still):
     """The handle is held by the locked screw: one mass between two springs."""
     p = vertical._replace(
-        arm=ArmForce(3.0, 300.0, 0.0, math.inf, 0.0), grip=Grip(6000.0, 0.0, 0.4)
+        arm=ArmForce(3.0, 300.0, 0.0, math.inf, 0.0), grip=soft_grip(6000.0, 0.0, 0.4)
     )
     u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.2)
     s = resting_state(p.module, 0.2, 1.0)._replace(arm=0.205)
@@ -231,7 +231,7 @@ def test_a_grip_that_is_hard_is_the_rigid_hand(vertical, still):
     u = still._replace(fixture=HUMAN_ARM, hand=0.3)
     start = resting_state(vertical.module, 0.2, 1.0)
     rigid = run(vertical._replace(arm=arm), start, u, 4000)
-    hard = run(vertical._replace(arm=arm, grip=Grip(2e5, 200.0, 1e-3)), start, u, 4000)
+    hard = run(vertical._replace(arm=arm, grip=soft_grip(2e5, 200.0, 1e-3)), start, u, 4000)
     assert hard.handle == pytest.approx(rigid.handle, abs=5e-4)
     assert rigid.handle - start.handle > 1e-3
 
