@@ -22,6 +22,15 @@ def session(tmp_path, encoder_topic):
     session.close()
 
 
+@pytest.fixture
+def small(tmp_path, encoder_topic):
+    """A recording whose cache holds some thousand messages."""
+    settings = StorageSettings(max_cache=2**20)
+    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
+    session.add_topic(encoder_topic)
+    return session
+
+
 def stored(session):
     return by_library((session.folder / "bag_0.mcap").read_bytes())
 
@@ -54,41 +63,32 @@ def test_waiting_messages_are_told(session, samples):
     assert session.status().waiting == 0
 
 
-def test_full_cache_drops_and_counts(tmp_path, encoder_topic, samples):
-    settings = StorageSettings(max_cache=2**20)
-    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
-    session.add_topic(encoder_topic)
+def test_full_cache_drops_and_counts(small, samples):
     for start in range(0, 10_000, 1000):
-        session.put(samples(1, range(start, start + 1000)))
-    waiting = session.status().waiting
+        small.put(samples(1, range(start, start + 1000)))
+    waiting = small.status().waiting
     assert 0 < waiting < 10_000
-    status = session.close()
+    status = small.close()
     assert (status.messages, status.dropped) == (waiting, 10_000 - waiting)
     assert status.audit["/screw/encoder"].dropped == 10_000 - waiting
     assert status.error == ""
 
 
-def test_what_was_written_makes_room_in_the_cache(tmp_path, encoder_topic, samples):
-    settings = StorageSettings(max_cache=2**20)
-    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
-    session.add_topic(encoder_topic)
+def test_what_was_written_makes_room_in_the_cache(small, samples):
     for start in range(0, 20_000, 1000):
-        session.put(samples(1, range(start, start + 1000)))
-        session.work(start * 1_000_000)
-    status = session.close()
+        small.put(samples(1, range(start, start + 1000)))
+        small.work(start * 1_000_000)
+    status = small.close()
     assert (status.messages, status.dropped) == (20_000, 0), "more than twice the cache in all"
 
 
-def test_what_is_refused_counts_for_its_own_topic(tmp_path, encoder_topic, samples):
-    settings = StorageSettings(max_cache=2**20)
-    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
-    session.add_topic(encoder_topic)
-    other = session.add_topic(encoder_topic._replace(name="/other"))
+def test_what_is_refused_counts_for_its_own_topic(small, samples, encoder_topic):
+    other = small.add_topic(encoder_topic._replace(name="/other"))
     for start in range(0, 8000, 1000):
-        session.put(samples(1, range(start, start + 1000)))
-    kept = session.status().waiting
-    session.put(samples(other, range(1000)))
-    audit = session.close().audit
+        small.put(samples(1, range(start, start + 1000)))
+    kept = small.status().waiting
+    small.put(samples(other, range(1000)))
+    audit = small.close().audit
     assert audit["/screw/encoder"].dropped == 8000 - kept > 0
     assert audit["/other"].dropped == 1000
 

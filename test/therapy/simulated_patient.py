@@ -205,3 +205,25 @@ def recorded(person: Person, protocol: Protocol, seed: int, day: int = 0) -> Rec
     changes = [change.row(2) for change in session.changes]
     acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, session.state, session.reason)]
     return Recorded(Path("bag"), "P-7K3QX", protocol, acts, session.results, changes, samples)
+
+
+def short(protocol: Protocol, count: int = 2, **changes) -> Protocol:
+    """Return the first two blocks of a protocol, one round of `count` targets each."""
+    blocks = tuple(
+        block._replace(circuits=1, targets=block.targets._replace(count=count, rounds=1))
+        for block in protocol.blocks[:2]
+    )
+    return protocol._replace(blocks=blocks, **changes)
+
+
+def brief(protocol: Protocol, duration: float, count: int) -> Protocol:
+    """Return all blocks of a protocol, of one circuit; duration [s], count of targets: the most."""
+    blocks = tuple(
+        block._replace(
+            circuits=1,
+            duration=min(block.duration, duration),
+            targets=block.targets._replace(count=min(block.targets.count, count)),
+        )
+        for block in protocol.blocks
+    )
+    return protocol._replace(blocks=blocks)

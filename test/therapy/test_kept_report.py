@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from simulated_patient import FEEBLE, HEALTHY, recorded
+from simulated_patient import FEEBLE, HEALTHY, brief, recorded, short
 
-from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.recorded import Recorded, read_sessions
 from screw_module_ros.therapy.replay import replayed
@@ -20,18 +19,9 @@ from screw_module_ros.therapy.report import write_report
 from screw_module_ros.therapy.report_figures import assistance_figure, paths_figure, trials_figure
 
 BAG = next((Path(__file__).parents[1] / "data" / "bags").glob("P-7K3QX_*"))
+CLOCK = load_protocol("clock_adaptive")
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]+")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d")  # local time of who recorded it
-
-
-def shortened(name: str, **changes) -> Protocol:
-    """Return the first two blocks of a protocol, two targets each."""
-    protocol = load_protocol(name)
-    blocks = tuple(
-        block._replace(circuits=1, targets=block.targets._replace(count=2, rounds=1))
-        for block in protocol.blocks[:2]
-    )
-    return protocol._replace(blocks=blocks, **changes)
 
 
 def bag() -> list[Recorded]:
@@ -40,31 +30,19 @@ def bag() -> list[Recorded]:
 
 def plane() -> list[Recorded]:
     """Two sessions in the plane, the second one ended early."""
-    first, second = (recorded(HEALTHY, shortened("clock_adaptive"), *k) for k in ((1, 0), (2, 2)))
+    first, second = (recorded(HEALTHY, short(CLOCK), *k) for k in ((1, 0), (2, 2)))
     return [first, second._replace(trials=second.trials[:6], acts=second.acts[:-1])]
 
 
 def unaided() -> list[Recorded]:
     """Somebody who reaches nothing, without adaptation."""
-    clock = load_protocol("clock_adaptive")
-    protocol = shortened(
-        "clock_adaptive", rules=clock.rules._replace(give_up=2.0), adaptation=None
-    )
+    protocol = short(CLOCK, rules=CLOCK.rules._replace(give_up=2.0), adaptation=None)
     return [recorded(FEEBLE._replace(reach=0.3), protocol, 1)]
 
 
 def evaluation() -> list[Recorded]:
     """What is not a reach."""
-    protocol = load_protocol("evaluation")
-    blocks = tuple(
-        block._replace(
-            circuits=1,
-            duration=min(block.duration, 1.0),
-            targets=block.targets._replace(count=min(block.targets.count, 1)),
-        )
-        for block in protocol.blocks
-    )
-    return [recorded(HEALTHY, protocol._replace(blocks=blocks), 1)]
+    return [recorded(HEALTHY, brief(load_protocol("evaluation"), 1.0, 1), 1)]
 
 
 def ended_at_once() -> list[Recorded]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from screw_module_msgs.msg import TrialResult
-from simulated_patient import FEEBLE, HEALTHY, recorded
+from simulated_patient import FEEBLE, HEALTHY, brief, recorded, short
 
 from screw_module_ros.therapy.measures import COLUMNS, COMPUTED, MEASURES
 from screw_module_ros.therapy.protocol_file import load_protocol
@@ -33,16 +33,6 @@ pytestmark = pytest.mark.long
 
 CLOCK = load_protocol("clock_adaptive")
 ELEVATOR = load_protocol("elevator")
-
-
-def short(protocol, count=2, **changes):
-    blocks = tuple(
-        protocol.blocks[index]._replace(
-            circuits=1, targets=protocol.blocks[index].targets._replace(count=count, rounds=1)
-        )
-        for index in (0, 1)
-    )
-    return protocol._replace(blocks=blocks, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -228,16 +218,7 @@ def test_a_session_in_which_nothing_was_reached(tmp_path):
 
 
 def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
-    evaluation = load_protocol("evaluation")
-    blocks = tuple(
-        block._replace(
-            circuits=1,
-            duration=min(block.duration, 2.0),
-            targets=block.targets._replace(count=min(block.targets.count, 2)),
-        )
-        for block in evaluation.blocks
-    )
-    session = recorded(HEALTHY, evaluation._replace(blocks=blocks), 1)
+    session = recorded(HEALTHY, brief(load_protocol("evaluation"), 2.0, 2), 1)
     assert len(session.trials) == 4 + 1 + 1 + 2 + 2
     found = {name: value for _, name, value in other_tests(session)}
     assert found["hold_deviation"] < 5.0, "[mm]; it rests where it was brought to"
