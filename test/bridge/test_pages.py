@@ -267,6 +267,19 @@ def test_the_form_shows_the_session_that_runs(serving, open_page):
     assert field.input_value() == "P-ABCDE"
 
 
+def test_a_stop_that_is_told_after_the_pause_takes_the_resume_away(serving, open_page):
+    """The topics come in any order; a button that contradicts the sentence is pressed in vain."""
+    given = serving()
+    given.state = {"state": PAUSED, "protocol": "reach_3d", "reason": "the therapist paused it"}
+    page = open_page(given, "therapist")
+    given.until_text(page, "Paused, movement")
+    resume = page.get_by_role("button", name="Resume")
+    assert resume.is_enabled()
+    given.robot.tell("/safety_state", {"level": 2, "reasons": ["emergency stop"]})
+    page.get_by_text("The robot has stopped").wait_for()
+    assert resume.is_disabled()
+
+
 def test_two_robots_on_one_page(serving, open_page, wait_until):
     given = serving("/left", "/right")
     page = open_page(given, "therapist", size=(1400, 900))

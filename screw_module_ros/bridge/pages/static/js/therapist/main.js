@@ -40,10 +40,7 @@ export class RobotPanel {
       this.views.take(message);
       this.traces.take(message);
     });
-    this.hear("therapy/state", (message) => {
-      this.session.show(message, this.isStopped());
-      this.movements.follow(message);
-    });
+    this.hear("therapy/state", (message) => this.movements.follow(message));
     this.hear("safety_state");
     this.hear("therapy/trial", (message) => this.movements.take(message));
     this.hear("therapy/assistance", (message) => this.movements.takeChange(message));
@@ -90,6 +87,8 @@ export class RobotPanel {
     if (now - this.viewed < VIEW_MS) return;
     this.viewed = now;
     const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
+    // Drawn with the sentences, whichever topic came last: no button contradicts what they say.
+    this.session.show(this.heard["therapy/state"]?.message, this.isStopped());
     say(this.sentence, sessionSentence(state, this.protocols));
     const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint, state);
     say(this.reasons, reason);
