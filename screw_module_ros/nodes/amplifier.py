@@ -49,9 +49,11 @@ class AmplifierSettings(NamedTuple):
 
 
 class AmplifierNode(DriveNode):
-    """SYNC and heartbeat on the tick, torque on the command."""
+    """SYNC and heartbeat on the tick, torque on the command. part: from the first `begin` on."""
 
-    def __init__(self):
+    part: VerticalDrive
+
+    def __init__(self) -> None:
         super().__init__("amplifier")
         self.parameters.declare(AmplifierSettings)
         self.parameters.declare(CalibrationSettings)
@@ -60,7 +62,6 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
-        self.part: VerticalDrive | None = None
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -100,7 +101,7 @@ class AmplifierNode(DriveNode):
         own = self.parameters.read(AmplifierSettings)
         (drive,) = self.drives
         # The motor does not cool by a new activation.
-        heat = self.part.heat(self.clock.now_ns()) if self.part is not None else COLD
+        heat = self.part.heat(self.clock.now_ns()) if hasattr(self, "part") else COLD
         self.part = VerticalDrive(
             drive,
             self.port,

@@ -65,6 +65,9 @@ class PolledTopic:
     def took(self) -> None:
         """Act on a message that was just taken."""
 
+    def forget(self) -> None:
+        """Show new subscribers nothing of what has come, if it does not age by itself."""
+
     def begin(self) -> int:
         """Return the number of the last message that a new subscriber does not get."""
         return 0
@@ -171,12 +174,12 @@ class BridgeGateway:
 
     def publish(self, topic: str, content: dict) -> None:
         """Publish a message. Raises ValueError."""
-        publisher = self._publishers[topic]
+        publisher: Any = self._publishers[topic]
         publisher.publish(filled(publisher.msg_type, content))
 
     async def call(self, service: str, arguments: dict) -> dict:
         """Call a service; return its response. Raises ValueError, ServiceError."""
-        client = self._clients[service]
+        client: Any = self._clients[service]
         request = filled(client.srv_type.Request, arguments)
         if isinstance(request, StartTherapy.Request):
             request.attended = True  # by the page that asks, whatever it says

@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
@@ -228,7 +228,7 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def start(simulation: bool = True, params: str | None = None, **wishes) -> list[Process]:
+def start(simulation: bool = True, params: str | None = None, **wishes: Any) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
     Arguments and errors are those of `plan`; entries of a parameter file that no node reads are
@@ -269,7 +269,7 @@ def stop(processes: list[Process]) -> dict[str, int]:
     help="Set a parameter, in place of the file's value (repeat for more).",
 )
 @click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
-def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> None:
+def command(bench: bool, network: bool, values: tuple[str, ...], **wishes: Any) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     end_without_domain("bringup")
     stopping = threading.Event()

@@ -10,7 +10,7 @@ from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError, NotNow
 from screw_module_ros.geometry import Screw
-from screw_module_ros.loop.vertical import Wires
+from screw_module_ros.loop.vertical import Parts, Wires
 from screw_module_ros.profiles import ENCODER, load
 from screw_module_ros.samples import EncoderReading
 
@@ -24,7 +24,7 @@ from .support.wire import pack_encoder
 class EncoderNode(SensorNode):
     """One sample per tick, published as soon as it arrives."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("encoder")
         self.parameters.declare(EncoderSettings)
         self.parameters.declare(Screw)
@@ -43,7 +43,8 @@ class EncoderNode(SensorNode):
         """Let the samples flow; an encoder that may have restarted unseen is configured anew."""
         if not self.device.configured:
             self.device.configure()
-        self.start_samples("encoder", Wires(publish_sample=self.publish))
+        self.start_samples(Wires(publish_sample=self.publish))
+        self.parts = Parts(encoder=self.part)
 
     def end(self) -> None:
         """Stop the samples."""

@@ -10,7 +10,7 @@ of `endpoint_state`; `joint_states` has half of it.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import (
     AmplifierState,
@@ -57,7 +57,7 @@ class EndpointSettings(NamedTuple):
 class EndpointStateNode(Node):
     """Combines the newest messages at its own rate and never waits for one."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("endpoint_state")
         self.parameters.declare(EndpointSettings)
         self._rate = RateMeter()
@@ -112,7 +112,7 @@ class EndpointStateNode(Node):
         if tick.sequence % _JOINTS_EVERY == 0:
             self._publish_joints(message.header.stamp, encoder, plane, amplifier)
 
-    def _publish_joints(self, stamp, encoder, plane, amplifier) -> None:
+    def _publish_joints(self, stamp: Any, encoder: Any, plane: Any, amplifier: Any) -> None:
         joints = {**planar_joints(plane), **vertical_joint(encoder, amplifier, self._screw)}
         if not joints:
             return
@@ -148,10 +148,9 @@ def planar_joints(plane: PlanarState | None) -> dict[str, tuple[float, float, fl
         return {}
     (upper, fore), (upper_speed, fore_speed) = plane.joint_position, plane.joint_velocity
     upper_torque, fore_torque = plane.measured_torque
-    shoulder = (upper, upper_speed, upper_torque + fore_torque)
-    elbow = (fore - upper, fore_speed - upper_speed, fore_torque)
-    found = {"shoulder": shoulder, "elbow": elbow}
-    return {name: tuple(map(float, values)) for name, values in found.items()}
+    shoulder = float(upper), float(upper_speed), float(upper_torque + fore_torque)
+    elbow = float(fore - upper), float(fore_speed - upper_speed), float(fore_torque)
+    return {"shoulder": shoulder, "elbow": elbow}
 
 
 def vertical_joint(
@@ -168,27 +167,29 @@ def vertical_joint(
 
 
 def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
-    valid = bool(plane and plane.homed and all(map(math.isfinite, plane.position)))
-    message.valid[0] = message.valid[1] = valid
-    x, y = plane.position if valid else (_NAN, _NAN)
+    if plane and not (plane.homed and all(map(math.isfinite, plane.position))):
+        plane = None
+    message.valid[0] = message.valid[1] = plane is not None
+    x, y = plane.position if plane else (_NAN, _NAN)
     message.position.x, message.position.y = float(x), float(y)
-    x, y = plane.velocity if valid else (_NAN, _NAN)
+    x, y = plane.velocity if plane else (_NAN, _NAN)
     message.velocity.x, message.velocity.y = float(x), float(y)
 
 
 def _fill_vertical(message: EndpointState, encoder: EncoderReading | None) -> None:
-    measured = encoder is not None and is_measured(encoder)
-    message.valid[2] = measured and encoder.homed
-    message.position.z = encoder.position if message.valid[2] else _NAN
-    message.velocity.z = encoder.velocity if measured else _NAN
+    if encoder and not is_measured(encoder):
+        encoder = None
+    message.valid[2] = encoder is not None and encoder.homed
+    message.position.z = encoder.position if encoder and encoder.homed else _NAN
+    message.velocity.z = encoder.velocity if encoder else _NAN
 
 
 def _fill_force(message: EndpointState, force: ForceReading | None) -> None:
-    message.force_valid = (
-        force is not None and is_finite(force) and not status_problem(force.status)
-    )
+    if force and not (is_finite(force) and not status_problem(force.status)):
+        force = None
+    message.force_valid = force is not None
     f = message.force
-    f.x, f.y, f.z = (force.fx, force.fy, force.fz) if message.force_valid else (_NAN,) * 3
+    f.x, f.y, f.z = (force.fx, force.fy, force.fz) if force else (_NAN,) * 3
 
 
 def main() -> int:

@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
-from screw_module_ros.loop.vertical import Wires
+from screw_module_ros.loop.vertical import Parts, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
@@ -37,7 +37,7 @@ class WrenchSettings(NamedTuple):
 class ForceSensorNode(SensorNode):
     """One wrench per tick, of the patient on the robot."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("force_sensor")
         self.parameters.declare(ForceSensorSettings)
         self.parameters.declare(WrenchSettings)
@@ -66,7 +66,8 @@ class ForceSensorNode(SensorNode):
             self.device.clear_fault()
         if not self.device.configured:
             self.device.configure()
-        self.start_samples("force_sensor", Wires(publish_force=self.publish))
+        self.start_samples(Wires(publish_force=self.publish))
+        self.parts = Parts(force_sensor=self.part)
 
     def end(self) -> None:
         """Stop polling."""

@@ -17,7 +17,6 @@ from screw_module_ros.calibration.certificate import Certificate
 from screw_module_ros.calibration.selection import (
     CalibrationSettings,
     CertificateSettings,
-    ChosenFriction,
     chosen_certificate,
     chosen_friction,
 )
@@ -91,11 +90,15 @@ class ControllerSettings(NamedTuple):
 
 
 class ImpedanceControllerNode(Node):
-    """Encoder sample in, force command out; zero force while the watch has a latched fault."""
+    """Encoder sample in, force command out; zero force while the watch has a latched fault.
 
-    def __init__(self):
+    part: from the first `begin` on.
+    """
+
+    part: VerticalController
+
+    def __init__(self) -> None:
         super().__init__("impedance_controller")
-        self.part: VerticalController | None = None
         self.parameters.declare(ControllerSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(CertificateSettings)
@@ -106,7 +109,6 @@ class ImpedanceControllerNode(Node):
         self.parameters.declare(SlotLimits, "slot")
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
-        self._friction: ChosenFriction | None = None
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None
         self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
@@ -173,8 +175,7 @@ class ImpedanceControllerNode(Node):
 
     def _name_calibration(self) -> None:
         law = self.parameters.read(VerticalSettings)
-        calibration = self._friction.described(law.gravity, law.mass) if self._friction else ""
-        self._state_message.calibration = calibration
+        self._state_message.calibration = self._friction.described(law.gravity, law.mass)
 
     def begin(self) -> None:
         """Start with zero force and the set point at the measured position."""
@@ -202,12 +203,13 @@ class ImpedanceControllerNode(Node):
 
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""
-        if self.part is not None and self.part.answered is not None:
+        if hasattr(self, "part") and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
         self._put_back()
 
     def disconnect(self) -> None:
         """No certificate holds any more."""
+        super().disconnect()
         self._certificate = None
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
@@ -242,13 +244,11 @@ class ImpedanceControllerNode(Node):
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
-        if kind is VerticalSettings:
+        if kind is VerticalSettings and self.configured:
             self._name_calibration()
-        if self.part is None:
-            return
-        if kind is VerticalSettings:
+        if kind is VerticalSettings and self.active:
             self.part.settings = self._friction.law(self.parameters.read(VerticalSettings))
-        elif kind is ControllerSettings:
+        elif kind is ControllerSettings and self.active:
             self.part.mode = self.parameters.read(ControllerSettings).mode
 
     # Hot loop ------------------------------------------------------------------------------

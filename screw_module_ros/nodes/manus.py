@@ -54,7 +54,7 @@ class ManusSettings(NamedTuple):
 class ManusNode(DriveNode):
     """One tick: SYNC, both positions, law, both torques."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("manus", rate=500.0)
         self.parameters.declare(ManusSettings)
         self.parameters.declare(PlaneLimits)
@@ -72,7 +72,6 @@ class ManusNode(DriveNode):
         self._state = PlanarState()
         self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
-        self._plane: Plane | None = None
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
 
@@ -96,18 +95,19 @@ class ManusNode(DriveNode):
         names = [f"drive node {each.node_id}" for each in settings]
         port = self.open_port(*names, f"master {settings[0].master_id}")
         beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
-        self.configure_drives(*(
+        shoulder, elbow = (
             Drive(port, each, f"{joint} drive", beat, make=make)
             for joint, each in zip(_JOINTS, settings, strict=True)
-        ))
-        self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])
+        )
+        self.configure_drives(shoulder, elbow)
+        self.check_bus_load([*shoulder.traffic, *elbow.traffic[1:]])
         self._state_every = self.parameters.read(ManusSettings).state_every
         self._plane = Plane(
-            self.drives,
+            (shoulder, elbow),
             port,
             self.period_ns,
             law,
-            self.parameters.read(JointSettings, "joints"),
+            place,
             self.parameters.read(PermitSettings, "gate"),
             self.parameters.read(FreezeSettings, "freeze"),
             self.parameters.read(SlotLimits, "slot"),
@@ -150,14 +150,9 @@ class ManusNode(DriveNode):
         """Shut both drives down cleanly; return the errors."""
         return self._plane.shutdown()
 
-    def disconnect(self) -> None:
-        """Close the bus."""
-        super().disconnect()
-        self._plane = None
-
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
-        if kind is PlanarSettings and self._plane is not None:
+        if kind is PlanarSettings and self.configured:
             self._plane.settings = self._law_settings()
 
     # Hot loop ------------------------------------------------------------------------------

@@ -13,7 +13,10 @@ torque.
 
 from __future__ import annotations
 
+from typing import Any
+
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import period_of
@@ -32,7 +35,7 @@ from .support.threads import run_loop
 _BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
-def run(nodes: list[Node]) -> None:
+def run(nodes: list[Any]) -> None:
     """Run the hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
     period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
     loop = VerticalLoop(nodes[0].clock, period_ns, wires_of(*nodes))
@@ -76,7 +79,7 @@ def make_nodes() -> list[Node]:
     return nodes
 
 
-def _keep_rate(parameters) -> SetParametersResult:
+def _keep_rate(parameters: list[Parameter]) -> SetParametersResult:
     if any(parameter.name == "rate" for parameter in parameters):
         reason = "rate is common to the nodes of `module`: give it when the process is started"
         return SetParametersResult(successful=False, reason=reason)

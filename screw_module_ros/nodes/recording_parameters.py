@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from functools import partial
+from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
@@ -58,7 +59,7 @@ class NodeParameters:
 
     def _ask(self, name: str) -> None:
         if name == self._node.get_fully_qualified_name():
-            own = self._node.get_parameters_by_prefix("")
+            own: dict[str, Any] = self._node.get_parameters_by_prefix("")
             self._keep(name, {key: parameter.value for key, parameter in own.items()})
             return
         client = self._client(ListParameters, f"{name}/list_parameters")

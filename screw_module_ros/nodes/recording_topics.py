@@ -21,6 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock
+from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.recording.bag import Message, Topic
 from screw_module_ros.recording.definitions import UNKNOWN, DefinitionError, Definitions
@@ -93,7 +94,7 @@ class Taps:
             tap.subscription = self._node.create_subscription(
                 tap.kind, name, never, profile, callback_group=self._group, raw=True
             )
-            if self._clock.simulated:
+            if isinstance(self._clock, SimulatedClock):
                 tap.end = self._clock.subscription(name)
         except Exception as error:
             self.refused[name] = str(error) or type(error).__name__

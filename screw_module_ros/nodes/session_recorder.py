@@ -74,13 +74,12 @@ class RecorderSettings(NamedTuple):
 class SessionRecorder(Node):
     """Takes messages in the hot loop; the recording's own thread writes them."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("session_recorder")
         self.parameters.declare(RecorderSettings)
         self.parameters.declare(StorageSettings, "storage")
         self._recording: Recording | None = None
         self._taps: Taps | None = None
-        self._asked: NodeParameters | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
@@ -186,18 +185,20 @@ class SessionRecorder(Node):
         self.get_logger().info("recording")
         return ""
 
-    def _stop(self) -> None:
+    def _stop(self) -> Status | None:
+        """Close the bag; return what it holds, None without one."""
         with self._lock:
             recording, taps = self._recording, self._taps
             self._recording = self._taps = None
             if recording is None or taps is None:
-                return
+                return None
             recording.put(taps.drain())
             self._note(recording, taps)  # what was told in the last second
             taps.close()
             self._asked.close()
         self._last = recording.close()
         self.get_logger().info(self._last.summary())
+        return self._last
 
     def _note(self, recording: Recording, taps: Taps) -> None:
         """Write the parameters of the nodes into the bag, and what is not recorded."""
@@ -213,11 +214,11 @@ class SessionRecorder(Node):
         return self._refusal or Done(str(self._folder))
 
     def _on_stop(self, request: Trigger.Request) -> str:
-        if self._recording is None:
+        status = self._stop()
+        if status is None:
             return "not recording"
-        self._stop()
-        text = f"{self._folder}: {self._last.summary()}"
-        return text if self._last.error else Done(text)
+        text = f"{self._folder}: {status.summary()}"
+        return text if status.error else Done(text)
 
     def _each_second(self) -> None:
         recording, taps = self._recording, self._taps
@@ -253,7 +254,7 @@ class SessionRecorder(Node):
         """Report whether a recording runs and what is missing in it."""
         recording, taps = self._recording, self._taps
         status = recording.status() if recording is not None else self._last
-        values = {"recording": recording is not None and not status.error}
+        values: dict[str, object] = {"recording": bool(recording and status and not status.error)}
         refusal = self._refusal
         if recording is None:
             refusal = refusal or self._hindrance()

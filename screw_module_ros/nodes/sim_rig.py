@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import queue
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import can
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -18,16 +18,17 @@ from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_bus, where, within
-from screw_module_ros.clock import Clock, WallClock
+from screw_module_ros.clock import WallClock
+from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
-from screw_module_ros.lockstep.page import alive
+from screw_module_ros.lockstep.page import Page, alive
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .support.answering import Done
 from .support.node import Node
-from .support.place import Lock, lock_simulation
+from .support.place import lock_simulation
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Due, Health
 from .support.topics import offered
@@ -64,7 +65,7 @@ class SimulationSettings(NamedTuple):
 class Slowness:
     """Tells once that simulated time runs slowly, and once that it no longer does."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._slow = False
 
     def told(self, factor: float, speed: float) -> str:
@@ -93,9 +94,9 @@ class Departure:
     wait begins with the first call of `is_due`.
     """
 
-    def __init__(self, clock: Clock):
-        """Start with the clock of the rig's process."""
-        self._clock = clock
+    def __init__(self, page: Page | None):
+        """Start with the page of simulated time, None by wall clock."""
+        self._page = page
         self._until_ns: int | None = None
         self._frames = -1
         self._changed_ns = 0
@@ -107,15 +108,12 @@ class Departure:
             self._until_ns = now_ns + _PATIENCE_NS
         if now_ns >= self._until_ns:
             return True
-        if self._clock.simulated:
-            frames = -1 if not self._others() else now_ns  # time may stand between two frames
+        if self._page is not None:
+            others = any(pid != os.getpid() and alive(pid) for pid, _ in self._page.buses())
+            frames = now_ns if others else -1  # time may stand between two frames
         if frames != self._frames:
             self._frames, self._changed_ns = frames, now_ns
         return now_ns - self._changed_ns >= _SILENT_NS
-
-    def _others(self) -> bool:
-        """Return whether another living process has a bus open in this time."""
-        return any(pid != os.getpid() and alive(pid) for pid, _ in self._clock.page.buses())
 
 
 class SimRigNode(Node):
@@ -124,21 +122,20 @@ class SimRigNode(Node):
     hardware_id = "simulated"
     moves_time = True
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("sim_rig")
         self.parameters.declare(SimulationSettings)
         self.parameters.declare(RigSettings, "devices")
         for bus in graph.BUSES:
             self.parameters.declare(BusSettings, f"{bus.name}.can", channel=bus.name)
-        self._rig: Rig | None = None
         self._buses: dict[BusSettings, can.BusABC] = {}
-        self._bus_locks: list[Lock] = []
         self._slipped = 0
         self._has_told_of_loss = False
         self._truth = SimTruth()
         self._truth.header.frame_id = "manus_base"
+        self._page = self.clock.page if isinstance(self.clock, SimulatedClock) else None
         self._time: Conductor | None = None
-        self._departure = Departure(self.clock)
+        self._departure = Departure(self._page)
         self._slowness = Slowness()
         self._clock_message = ClockMessage()
         self.serve(SetArm, "~/set_arm", self._set_arm, "arm set")
@@ -159,17 +156,20 @@ class SimRigNode(Node):
             round(settings.period * 1e9),
             self.parameters.read(RigSettings, "devices"),
         )
+        self.opened.callback(self._rig.close)
         self._publish = self.outlet(*offered(graph.TRUTH))
         self._truth_due, self._clock_due = Due(settings.truth_rate), Due(_CLOCK_RATE)
-        if self.clock.simulated:
+        if self._page is not None:
             self._publish_clock = self.outlet(*offered(graph.CLOCK))
-            self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
+            self._time = Conductor(self._page, settings.speed, self.get_logger().warning)
+            self.opened.callback(self._time.close)
 
     def _open(self, settings: BusSettings) -> can.BusABC:
         settings = within(settings, self.get_namespace())
         if settings not in self._buses:
-            self._bus_locks.append(lock_simulation(where(settings)))
+            self.opened.callback(lock_simulation(where(settings)).release)
             self._buses[settings] = open_bus(settings, self.clock, served=True)
+            self.opened.callback(self._buses[settings].shutdown)
         return self._buses[settings]
 
     def changed(self, kind: type) -> None:
@@ -179,17 +179,8 @@ class SimRigNode(Node):
 
     def disconnect(self) -> None:
         """Close the buses."""
-        if self._rig is not None:
-            self._rig.close()
-            self._rig = None
-        if self._time is not None:
-            self._time.close()
-            self._time = None
-        for bus in self._buses.values():
-            bus.shutdown()
-        for lock in self._bus_locks:
-            lock.release()
-        self._buses, self._bus_locks = {}, []
+        super().disconnect()
+        self._buses, self._time = {}, None
 
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""
@@ -262,8 +253,8 @@ class SimRigNode(Node):
                 answer.put(str(error))
 
         self._rig.call(carry_out)
-        if self._time is not None:
-            self.clock.page.wake_conductor()
+        if self._page is not None:
+            self._page.wake_conductor()
         try:
             return answer.get(timeout=_ANSWER_S)
         except queue.Empty:
@@ -275,13 +266,13 @@ class SimRigNode(Node):
         if counters["lost"] and not self._has_told_of_loss:
             self._has_told_of_loss = True
             self.get_logger().warning("a process that reads no frames of its bus loses them")
-        if self._time is not None:
-            if told := self._slowness.told(self.clock.page.factor, self._time.speed):
+        if self._time is not None and self._page is not None:
+            factor = self._page.factor
+            if told := self._slowness.told(factor, self._time.speed):
                 self.get_logger().info(told)
-            counters["real-time factor"] = f"{self.clock.page.factor:.2f}"
+            counters["real-time factor"] = f"{factor:.2f}"
             counters["given up"] = self._time.given_up
-            factor = f"simulating, real-time factor {self.clock.page.factor:.2f}"
-            return Health(OK, factor, counters)
+            return Health(OK, f"simulating, real-time factor {factor:.2f}", counters)
         slipped = counters["slipped"] - self._slipped
         self._slipped = counters["slipped"]
         if slipped:
@@ -289,7 +280,7 @@ class SimRigNode(Node):
         return Health(OK, "simulating", counters)
 
 
-def _xyz(vector) -> tuple[float, float, float]:
+def _xyz(vector: Any) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
 
 

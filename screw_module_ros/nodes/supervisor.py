@@ -30,7 +30,7 @@ from screw_module_ros.safety.supervision import (
 from screw_module_ros.settings import Setting
 
 from .support.answering import Done
-from .support.node import ACTIVE, INACTIVE, Node
+from .support.node import Node
 from .support.place import Kept
 from .support.runtime import main as run_node
 from .support.states import ERROR, OK, WARN, Health, RateMeter
@@ -52,7 +52,7 @@ class SupervisorSettings(NamedTuple):
 class SupervisorNode(Node):
     """Publishes whether the robot may move, from the newest state of every node."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("supervisor")
         self.parameters.declare(SupervisorSettings)
         self.parameters.declare(SupervisionSettings)
@@ -129,7 +129,7 @@ class SupervisorNode(Node):
 
         An end by an error is none: its latched stop outlives the process.
         """
-        if self.in_order and self.phase in (INACTIVE, ACTIVE):
+        if self.in_order and self.configured:
             with self._changing:  # at a graph's end the last node sees the others missing
                 self._keep(self._state._replace(latched=()))
 

@@ -27,6 +27,7 @@ from screw_module_ros import graph
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
+from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     AssistanceLimits,
@@ -68,7 +69,7 @@ class TherapySettings(NamedTuple):
 class TherapySessionNode(Node):
     """The loop's thread takes samples; services change the session, under one lock."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("therapy_session")
         self.parameters.declare(TherapySettings)
         self.parameters.declare(WishLimits, "wish")
@@ -77,6 +78,8 @@ class TherapySessionNode(Node):
         self.parameters.declare(RecorderSettings, "recorder")
         self._lock = threading.Lock()
         self._session: Session | None = None
+        self._sent: tuple[State, str, Any] | None = None  # state, reason and phase
+        self._wish: SlotWish | None = None
         self._patient = self._definition = ""
         self._sample: HandSample | None = None
         self._sampled_ns: int | None = None
@@ -107,7 +110,7 @@ class TherapySessionNode(Node):
             message.header.frame_id = "manus_base"
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
-        self._session = self._sent = self._wish = self._sampled_ns = None
+        self._session = self._sent = self._wish = self._sample = self._sampled_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
 
@@ -122,7 +125,7 @@ class TherapySessionNode(Node):
         with self._lock:
             now_ns = self.clock.now_ns()
             if self._session is not None:
-                self._change(self._session.abort, "the node was stopped")
+                self._change(self._session, self._session.abort, "the node was stopped")
                 self._send(now_ns)
             self._recording.close()
             self._relay_wishes(now_ns, ends=True)
@@ -144,7 +147,7 @@ class TherapySessionNode(Node):
         self._sample = hand_sample(message, session.protocol.space if session else PLANE)
         if session is not None:
             before = session.state
-            self._publish(session.take(self._sample))
+            self._publish(session, session.take(self._sample))
             self._note_state(session, before)
 
     def _note_state(self, session: Session, before: State) -> None:
@@ -156,12 +159,13 @@ class TherapySessionNode(Node):
         """Pause the session when its samples stop or the therapist's page is silent."""
         if self._take_attendance() is not None:
             self._attendance.hear(now_ns)
-        if self._session is None:
+        session = self._session
+        if session is None:
             return
         if self._silent(now_ns):
-            self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
+            self._change(session, session.pause, f"{graph.ENDPOINT_STATE} is silent")
         if reason := self._attendance.missed(now_ns):
-            self._change(self._session.pause, reason)
+            self._change(session, session.pause, reason)
 
     def _is_under_way(self) -> bool:
         return self._session is not None and self._session.state in UNDER_WAY
@@ -169,12 +173,12 @@ class TherapySessionNode(Node):
     def _silent(self, now_ns: int) -> bool:
         return self._sampled_ns is None or now_ns - self._sampled_ns > _SILENT_NS
 
-    def _change(self, act: Callable[..., None], *reason: str) -> bool:
-        """Apply an operator's action to the session; return whether it changed the state."""
-        before = self._session.state
+    def _change(self, session: Session, act: Callable[..., None], *reason: str) -> bool:
+        """Apply an operator's action, a method of the session; return whether its state changed."""
+        before = session.state
         act(*reason)
-        self._note_state(self._session, before)
-        return self._session.state != before
+        self._note_state(session, before)
+        return session.state != before
 
     def _follow_recorder(self, now_ns: int) -> None:
         """Begin once the recording hears us, and do not go on unrecorded without being told to."""
@@ -184,18 +188,19 @@ class TherapySessionNode(Node):
             return
         news = self._recording.follow(self._is_under_way(), now_ns)
         if news == REFUSED:
-            self._change(session.abort, self._recording.message)
+            self._change(session, session.abort, self._recording.message)
         elif news == LOST:
-            self._change(session.pause, self._recording.message)
+            self._change(session, session.pause, self._recording.message)
         elif news == BEGUN:
-            self._change(session.begin)
+            self._change(session, session.begin)
 
-    def _publish(self, outcome: Outcome) -> None:
-        name = self._session.protocol.name
-        if outcome.result is not None:
-            self._tell(self._publish_result, result_message(outcome.result, self._patient, name))
-        if outcome.change is not None:
-            message = change_message(outcome.change, self._patient, name, outcome.result["block"])
+    def _publish(self, session: Session, outcome: Outcome) -> None:
+        name, (result, change) = session.protocol.name, outcome
+        if result is None:
+            return
+        self._tell(self._publish_result, result_message(result, self._patient, name))
+        if change is not None:
+            message = change_message(change, self._patient, name, result["block"])
             self._tell(self._publish_change, message)
 
     def _tell(self, publish: Callable[[Any], None], message: Any) -> None:
@@ -216,7 +221,7 @@ class TherapySessionNode(Node):
             return
         if session.wish != self._wish:
             self._start_ns = session.wish.start_ns or 0
-        if progress[:2] != (self._sent or ())[:2]:
+        if self._sent is None or progress[:2] != self._sent[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
         self._sent, self._wish = progress, session.wish
@@ -232,7 +237,8 @@ class TherapySessionNode(Node):
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
         is_free = not (self._is_under_way() or ends)
         allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
-        self._wishes.relay(allowed, None if self._silent(now_ns) else self._sample.position, now_ns)
+        hand = self._sample.position if self._sample and not self._silent(now_ns) else None
+        self._wishes.relay(allowed, hand, now_ns)
 
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
@@ -242,9 +248,9 @@ class TherapySessionNode(Node):
             self.parameters.read(WishLimits, "wish"),
         )  # fmt: skip
         with self._lock:
-            if self._is_under_way():
+            if self._session is not None and self._session.state in UNDER_WAY:
                 return f"a session of {self._patient} is {self._session.state.word}: end it first"
-            if self._sampled_ns is None:
+            if self._sample is None:
                 return "no endpoint_state has come yet"
             now_ns = self.clock.now_ns()
             if hindrance := self._recording.hindrance(patient, request.record, now_ns):
@@ -273,7 +279,7 @@ class TherapySessionNode(Node):
             session = self._session
             if session is None:
                 return "no session has been started"
-            changed = self._change(getattr(session, name), *reason)
+            changed = self._change(session, getattr(session, name), *reason)
             return "" if changed else f"the session is {session.state.word}"
 
     def _resume(self, request: Trigger.Request) -> str:
@@ -286,7 +292,7 @@ class TherapySessionNode(Node):
     def health(self) -> Health:
         """Report the progress of the session."""
         session = self._session
-        values = {"recording": self._recording.message}
+        values: dict[str, object] = {"recording": self._recording.message}
         if session is None:
             return Health(OK, "no session", values)
         values |= {"trials done": len(session.results), "trials": session.trials}

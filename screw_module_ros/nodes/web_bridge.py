@@ -53,14 +53,11 @@ class BridgeSettings(NamedTuple):
 class WebBridgeNode(Node):
     """The loop's thread runs the server's asyncio loop, a sampling period at a time."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__("web_bridge")
         self.parameters.declare(BridgeSettings)
         self.parameters.declare(Listening)
         self.parameters.declare(Limits, "limits")
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._gateway: BridgeGateway | None = None
-        self._server: Server | None = None
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -71,13 +68,15 @@ class WebBridgeNode(Node):
         self._tokens = tokens_in(self._token_file())
         self._limits = self.parameters.read(Limits, "limits")
         self._gateway = BridgeGateway(self, self._rights, self._limits.answer)
+        self.opened.callback(self._gateway.close)
+        self._loop = asyncio.new_event_loop()
+        self.opened.callback(self._loop.close)
         protocols = protocols_for_screens(root_folder(settings.folder), self.get_logger().warning)
         robots, measures = list(self._rights.robots), measures_for_screens()
         self._config = {"robots": robots, "protocols": protocols, "measures": measures}
 
     def begin(self) -> None:
         """Listen."""
-        self._loop = asyncio.new_event_loop()
         self._server = Server(
             self._listens_at, self._limits, self._tokens, self._rights, self._gateway, WallClock(),
             self._config, self.get_logger().warning,
@@ -98,16 +97,7 @@ class WebBridgeNode(Node):
 
     def end(self) -> None:
         """Disconnect every page, and give up what is under way."""
-        if self._server is not None:
-            self._loop.run_until_complete(_ended(self._server))
-            self._loop.close()
-            self._server = None
-
-    def disconnect(self) -> None:
-        """Close the topics."""
-        if self._gateway is not None:
-            self._gateway.close()
-            self._gateway = None
+        self._loop.run_until_complete(_ended(self._server))
 
     def _listening(self) -> Listening:
         """Return the address to listen on. Raises ValueError if others could eavesdrop there."""
@@ -146,7 +136,7 @@ class WebBridgeNode(Node):
 
     def changed(self, kind: type) -> None:
         """Apply live parameters."""
-        if kind is BridgeSettings and self._gateway is not None:
+        if kind is BridgeSettings and self.configured:
             self._rights.wishes = self.parameters.read(BridgeSettings).wishes
 
     # Loop ----------------------------------------------------------------------------------

@@ -104,6 +104,5 @@ def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch
     node.end()
     node.begin()
     assert all(map(math.isnan, node._plane.wanted.at(1, True)[:2]))
-    node.port = None
     node.disconnect()
     node.close_topics()

@@ -36,19 +36,18 @@ def left_after(wall, due) -> float:
 
 
 def test_by_wall_clock_it_goes_when_the_buses_are_silent(wall):
-    one = Departure(SimpleNamespace(simulated=False))
+    one = Departure(None)
     assert left_after(wall, lambda t: one.is_due(int(min(t, 1.0) * 1000))) == pytest.approx(1.3)
 
 
 def test_it_does_not_wait_for_ever(wall):
-    one = Departure(SimpleNamespace(simulated=False))
+    one = Departure(None)
     assert left_after(wall, lambda t: one.is_due(int(t * 1000))) == pytest.approx(4.0)
 
 
 def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
     users = [(os.getpid(), 5), (os.getppid(), 5)]
-    page = SimpleNamespace(buses=lambda: users)
-    one = Departure(SimpleNamespace(simulated=True, page=page))
+    one = Departure(SimpleNamespace(buses=lambda: users))
 
     def due(seconds: float) -> bool:
         if seconds > 1.0:

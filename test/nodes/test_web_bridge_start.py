@@ -10,6 +10,7 @@ import stat
 
 import aiohttp
 import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
 from screw_module_msgs.msg import EndpointState, TherapyState, TrialResult
 from std_msgs.msg import Empty
 
@@ -76,7 +77,6 @@ def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
     assert health.values["address"] == address
     node.end()
     node.disconnect()
-    assert node._server is None
 
     async def ask():
         async with aiohttp.ClientSession() as session:
@@ -171,11 +171,11 @@ def test_the_results_of_a_session_are_kept_until_it_ends(make_node, tmp_path, wa
 
 def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):
     node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
-    node.connect()
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert not node._rights.wishes
     assert node.parameters.write(wishes=True) == ""
     assert node._rights.wishes
     assert node.parameters.write(wishes=False) == ""
     assert not node._rights.wishes
     assert "fixed once the node has started" in node.parameters.write(address="0.0.0.0")
-    node.disconnect()
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS

@@ -49,7 +49,7 @@ def answer_always(node: Node) -> None:
 
 
 def _answering(node: Node, service: Service, callback: Callable) -> Callable:
-    kind = service.srv_type
+    kind: Any = service.srv_type
 
     def answer(request: Any, response: Any) -> Any:
         try:

@@ -23,7 +23,7 @@ from screw_module_ros.settings import Setting
 
 from .inbox import Inbox
 from .node import Node
-from .place import Lock, lock_device, runs
+from .place import lock_device, runs
 from .states import ERROR, OK, Health, RateMeter, latency_values
 from .topics import offered, requested
 
@@ -50,8 +50,6 @@ class DriverNode(Node):
         super().__init__(name)
         self.parameters.declare(BusSettings, "can", channel=graph.bus_of(name))
         self.parameters.declare(RateSettings, rate=rate)
-        self.port: Port | None = None
-        self._device_locks: list[Lock] = []
         self.bus_load = 0.0
 
     # For subclasses ------------------------------------------------------------------------
@@ -62,8 +60,9 @@ class DriverNode(Node):
         self.bus_name = where(bus)
         self.period_ns = period_of(self.parameters.read(RateSettings).rate)
         for device in devices:
-            self._device_locks.append(lock_device(self.bus_name, device))
+            self.opened.callback(lock_device(self.bus_name, device).release)
         self.port = open_port(bus, self.clock)
+        self.opened.callback(self.port.close)
         return self.port
 
     def configure_device(self, device: Any) -> None:
@@ -86,25 +85,15 @@ class DriverNode(Node):
         if warning:
             self.get_logger().warning(warning)
 
-    def disconnect(self) -> None:
-        """Close the bus and release the device locks."""
-        if self.port is not None:
-            self.port.close()
-            self.port = None
-        for lock in self._device_locks:
-            lock.release()
-        self._device_locks = []
-
     def port_values(self, skipped: int) -> dict:
         """Return the bus's part of the diagnostics; skipped: ticks that an overrun skipped."""
-        counters = device_values(self.port.counters) if self.port else {}
-        values = {f"bus {name}": count for name, count in counters.items()}
+        counters = device_values(self.port.counters)
         return {
             "bus": self.bus_name,
-            **({"bus state": "bus-off"} if self.port and self.port.bus_off else {}),
+            **({"bus state": "bus-off"} if self.port.bus_off else {}),
             "bus load [%]": f"{100 * self.bus_load:.0f}",
             "skipped ticks": skipped,
-            **values,
+            **{f"bus {name}": count for name, count in counters.items()},
         }
 
 
@@ -116,14 +105,16 @@ def device_values(counters: Counter[str]) -> dict[str, int]:
 class SensorNode(DriverNode):
     """A node with one sensor. Subclasses define `connect`, `begin`, `end`, `publish`.
 
-    device: the sensor's driver, None while there is none. part: its part in the loop, while active.
+    device: the sensor's driver, from `connect` on. part: its part in the loop, from `begin` on;
+    parts: of its loop.
     """
+
+    device: Any
+    parts: Parts
 
     def __init__(self, name: str):
         super().__init__(name)
         self._rate = RateMeter()
-        self.device: Any = None
-        self.part: PolledSensor | None = None
         self._reported = ""
         self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
 
@@ -137,22 +128,16 @@ class SensorNode(DriverNode):
         self._publish_slow = self.outlet(*offered(decimated), raw=True)
         self._slow_every = max(1, round(1e9 / self.period_ns / graph.DECIMATED_RATE))
 
-    def start_samples(self, parts: str, wires: Wires) -> None:
-        """Start device and loop. parts: name of this sensor in `Parts`."""
+    def start_samples(self, wires: Wires) -> None:
+        """Start device and loop; `parts` comes next."""
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
-        self._parts = Parts(**{parts: self.part})
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
         self._reported = self.device.fault
 
-    def disconnect(self) -> None:
-        """Close the bus."""
-        self.device = None
-        super().disconnect()
-
     def step(self) -> None:
         """One tick: request out, reading in, sample out."""
-        self._loop.step(self._parts)
+        self._loop.step(self.parts)
 
     def publish_packed(self, data: bytes, sequence: int) -> None:
         """Publish a reading's message, each n-th also on the decimated topic."""
@@ -165,9 +150,8 @@ class SensorNode(DriverNode):
 
         The supervisor must not permit motion meanwhile.
         """
-        device = self.device  # None when `disconnect` did not wait for a step that takes too long
-        if device is not None and device.fault != self._reported:
-            self._reported = device.fault
+        if self.device.fault != self._reported:
+            self._reported = self.device.fault
             self.publish_health()
         super().leaves()
 

@@ -22,7 +22,7 @@ from .driver import DriverNode
 from .inbox import Inbox
 from .node import Node
 from .states import ERROR, OK, WARN, Health, broken_contract
-from .topics import Senders, requested
+from .topics import requested
 
 _SLOW_POLL_S = 0.5
 _ASKED_EARLY = "asked for while the drive was made ready: call ~/enable again"
@@ -37,9 +37,6 @@ class DriveNode(DriverNode):
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name, rate)
         self.parameters.declare(PermitSettings, "gate")
-        self.drives: tuple[Drive, ...] = ()
-        self._senders: Senders | None = None
-        self._permission: Permission | None = None
         self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
         self._enabling = self.serve(SetBool, "~/enable", self._enable)
         self.serve(
@@ -124,11 +121,6 @@ class DriveNode(DriverNode):
         problem = self.leave()
         if problem:
             self.get_logger().warning(f"not shut down cleanly: {problem}")
-
-    def disconnect(self) -> None:
-        """Close the bus."""
-        self.drives = ()
-        super().disconnect()
 
     def _enable(self, request: SetBool.Request) -> str:
         if request.data:

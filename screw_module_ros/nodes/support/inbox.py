@@ -8,6 +8,7 @@ subscriptions directly from a wait set, and the executor ignores them (`HotGroup
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -16,6 +17,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from screw_module_ros.clock import Clock
+from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.end import End
 
 from .wire import Layout
@@ -27,7 +29,7 @@ _SLICE_NS = 20_000_000  # the same, of a publisher that has gone
 class HotGroup(ReentrantCallbackGroup):
     """A callback group that no executor serves: the hot loop takes its messages."""
 
-    def can_execute(self, entity) -> bool:
+    def can_execute(self, entity: Any) -> bool:
         """Return False: the executor ignores the entity."""
         return False
 
@@ -68,9 +70,10 @@ class Inbox:
 
     def wait(self, until_ns: int) -> None:
         """Wait for a message of a waking subscription, until `until_ns` at most."""
-        if self._clock.simulated:
+        if isinstance(self._clock, SimulatedClock):
             if not any(one.has_kept for one in self._waking):
-                self._clock.member.wait(until_ns, [one.end for one in self._waking])
+                ends = [one.end for one in self._waking if one.end is not None]
+                self._clock.member.wait(until_ns, ends)
             return
         if self._wait_set is None:
             self._wait_set = new_wait_set(self._node, len(self._waking))
@@ -115,7 +118,7 @@ class Subscription:
         self.handle = self._subscription.handle
         self._take = _taker(self.handle, kind)
         self.end: End | None = None
-        if clock.simulated:
+        if isinstance(clock, SimulatedClock):
             self.end = clock.subscription(self._subscription.topic_name)
         self._kept: tuple[int, Any] | None = None
         self._arrived_ns = self._stamp_ns = 0
@@ -126,15 +129,16 @@ class Subscription:
         early: in simulated time also one that was published at the present time; None: if this
         subscription wakes its loop.
         """
-        if self.end is None:
+        end = self.end
+        if end is None:
             return self._received()
         early = self._wakes if early is None else early
         found = self._released(early)
         while self._kept is None and (found is None or self._depth == 1):
-            message = self._taken(early)
+            message = self._taken(end, early)
             if message is None:
                 break
-            if self.end.is_early and not early:
+            if end.is_early and not early:
                 self._kept = (self._clock.now_ns(), message)
             else:
                 found, self._arrived_ns = message, self._clock.now_ns()
@@ -182,15 +186,15 @@ class Subscription:
         (self._arrived_ns, message), self._kept = self._kept, None
         return message
 
-    def _taken(self, early: bool) -> Any:
+    def _taken(self, end: End, early: bool) -> Any:
         """Take one message; wait for one that must arrive."""
         taken = self._take()
-        if taken is None and (self.end.pending if early else self.end.unsettled):
+        if taken is None and (end.pending if early else end.unsettled):
             self._wait_set = self._wait_set or new_wait_set(self._node, 1)
-            taken = awaited(self._wait_set, self._take, self.handle, self.end)
+            taken = awaited(self._wait_set, self._take, self.handle, end)
         if taken is None:
             return None
-        self.end.take(taken[1]["publication_sequence_number"] or 0)
+        end.take(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
 
 
@@ -225,9 +229,9 @@ def _await_message(wait_set: Any, handle: Any, end: End) -> None:
 
 def new_wait_set(node: Node, subscriptions: int) -> Any:
     """Return a wait set of the middleware with so many places for subscriptions of a node."""
-    context = node.context
-    with context.handle:
-        return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
+    context: Any = node.context.handle
+    with context:
+        return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context)
 
 
 class Outlet:
@@ -242,23 +246,23 @@ class Outlet:
         self._node = node
         self._publisher = node.create_publisher(kind, topic, qos)
         handle = self._publisher.handle
-        self._send = handle.publish_raw if raw else handle.publish
+        self.publish = handle.publish_raw if raw else handle.publish
         self._end: End | None = None
-        self.publish = self._send
-        if clock.simulated:
+        if isinstance(clock, SimulatedClock):
             self._end = clock.publisher(self._publisher.topic_name)
-            self.publish = self._publish_counted
-
-    def _publish_counted(self, message: Any) -> None:
-        self._end.count()
-        self._send(message)
-        self._end.announce()
+            self.publish = partial(_publish_counted, self._end, self.publish)
 
     def close(self) -> None:
         """Destroy the publisher."""
         if self._end is not None:
             self._end.close()
         self._node.destroy_publisher(self._publisher)
+
+
+def _publish_counted(end: End, send: Callable[[Any], None], message: Any) -> None:
+    end.count()
+    send(message)
+    end.announce()
 
 
 def _taker(handle: Any, kind: type | Layout) -> Callable[[], Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Mapping
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -44,6 +44,7 @@ class Node(LifecycleNode):
 
     clock: the one clock of this process. stopping: set when the process is to end. periodic: calls
     of the service thread. phase: lifecycle state. failure: of the last transition, empty without.
+    opened: what `disconnect` closes, the last one first; `connect` fills it.
     """
 
     hardware_id = ""
@@ -65,6 +66,7 @@ class Node(LifecycleNode):
         self._stepping = threading.Lock()
         self.phase, self.failure = UNCONFIGURED, ""
         self.periodic = Timers()
+        self.opened = ExitStack()
         self._inboxes: list[Inbox] = []
         self._topics: list[Outlet | Senders] = []  # that are closed with the topics
         self.parameters = Parameters(self, self.changed, self.fixed, self.refusal)
@@ -104,6 +106,7 @@ class Node(LifecycleNode):
 
     def disconnect(self) -> None:
         """Close what `connect` opened (lifecycle cleanup), also after a failed `connect`."""
+        self.opened.close()
 
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
@@ -115,7 +118,7 @@ class Node(LifecycleNode):
 
     def fixed(self, kind: type) -> bool:
         """Return whether settings of the tuple `kind` that are not live may not change now."""
-        return self.phase in (INACTIVE, ACTIVE)
+        return self.configured
 
     def changed(self, kind: type) -> None:
         """Apply parameters of the settings tuple `kind` that changed at run time."""
@@ -126,6 +129,11 @@ class Node(LifecycleNode):
     def active(self) -> bool:
         """Whether the node is in the lifecycle state active."""
         return self._active.is_set()
+
+    @property
+    def configured(self) -> bool:
+        """Whether the node is in the lifecycle state inactive or active."""
+        return self.phase in (INACTIVE, ACTIVE)
 
     def outlet(
         self, kind: type, topic: str, qos: QoSProfile, raw: bool = False
@@ -184,12 +192,13 @@ class Node(LifecycleNode):
 
         A request does not tell how long it has waited; who sent it may have given up long ago.
         """
+        kind: Any = service.srv_type
         while True:
             with service.handle:
-                request, header = service.handle.service_take_request(service.srv_type.Request)
+                request, header = service.handle.service_take_request(kind.Request)
             if header is None:
                 return
-            response = service.srv_type.Response()
+            response = kind.Response()
             if refused(request):
                 with self.service.answering():
                     response.success, response.message = False, why

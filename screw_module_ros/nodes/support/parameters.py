@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
 from typing import Any, get_args
 
@@ -34,12 +34,15 @@ class Parameters:
     returns why values, by name, do not go together with the others, empty if they do.
     """
 
-    def __init__(self, node: Node, changed, fixed, refusal):
+    def __init__(
+        self, node: Node, changed: Callable[[type], None], fixed: Callable[[type], bool],
+        refusal: Callable[[Mapping[str, Any]], str],
+    ):
         self._node = node
         self._changed = changed
         self._is_fixed = fixed
         self._refusal = refusal
-        self._defaults: dict[tuple[type, str], tuple] = {}
+        self._defaults: dict[tuple[type, str], Any] = {}
         self._fields: dict[str, tuple[type, Field]] = {}
         self._declared = False
         node.add_on_set_parameters_callback(self._check)
@@ -150,7 +153,7 @@ def _join(prefix: str, name: str) -> str:
     return f"{prefix}.{name}" if prefix else name
 
 
-def _flat(value: Any):
+def _flat(value: Any) -> Any:
     # A value from a service may be an array.array, a declared one is a list.
     return value if hasattr(value, "__len__") and not isinstance(value, (str, bytes)) else (value,)
 

@@ -25,6 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
+from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.settings import SettingError
 
 from .arguments import Arguments, arguments, only_for_all, sections
@@ -216,7 +217,8 @@ def _autostart(node: Node) -> None:
 
 def _time_moves(node: Node) -> bool:
     """Return whether the clock runs; report it if not."""
-    if node.moves_time or not node.clock.simulated or node.clock.page.conductor:
+    clock = node.clock
+    if node.moves_time or not isinstance(clock, SimulatedClock) or clock.page.conductor:
         return True
     text = _NO_TIME.format(domain_id())
     if node.failure != text:

@@ -94,7 +94,8 @@ def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) ->
 
 def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     """Write the plane's state into its message; where the drives are silent, NaN as positions."""
-    drives, output = plane.permit.drives, plane.output
+    drives: tuple[Any, ...] = plane.permit.drives
+    output = plane.output
     message.homed = plane.homed
     _fill_permit(message, plane.permit)
     message.drive_state = [int(drive.state(now_ns)) for drive in drives]
@@ -197,7 +198,7 @@ def broken_contract(state: Any) -> str:
 class RateMeter:
     """Turns a counter into a rate, from one diagnostics entry to the next."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._count = 0
         self._time_ns = 0
 

@@ -10,14 +10,13 @@ due, and triggers a guard condition.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 
 from screw_module_ros.clock import Clock, TimeStandsStill
 from screw_module_ros.loop.ticker import BACK_OFF_S
@@ -34,7 +33,7 @@ class Timer:
 
     clock: Clock
     period_ns: int
-    call: Callable[[], None]
+    call: Callable[[], object]
     due_ns: int
 
     def left_ns(self) -> int:
@@ -54,7 +53,7 @@ class Timers:
         self._all: tuple[Timer, ...] = ()
         self._simulated: tuple[Timer, ...] = ()  # those that the hot loop asks for in each step
 
-    def every(self, clock: Clock, period_s: float, call: Callable[[], None]) -> Timer:
+    def every(self, clock: Clock, period_s: float, call: Callable[[], object]) -> Timer:
         """Call `call` each `period_s` from now on, first after one period."""
         period_ns = round(period_s * 1e9)
         timer = Timer(clock, period_ns, call, clock.now_ns() + period_ns)
@@ -104,18 +103,17 @@ class ServiceThread:
     In simulated time a request holds time until it is served, and the answer holds time until the
     client has it. A periodic call that is due holds time until it is made.
 
-    failed: whether it ended with an error. Then it ends the process: without services and
-    diagnostics the node is useless.
+    node: a `node.Node`. failed: whether it ended with an error. Then it ends the process: without
+    services and diagnostics the node is useless.
     """
 
-    def __init__(self, node: Node, timers: Timers):
+    def __init__(self, node: Any, timers: Timers):
         """Hold time for requests from now on; the thread runs after `start`."""
         self.failed = False
         self._node, self._timers = node, timers
         self._woken = node.create_guard_condition(self.make_calls)
         self._works = threading.RLock()
         self._runs, self._ended = threading.Event(), threading.Event()
-        self._executor: SingleThreadedExecutor | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._serving = node.clock.serving(node.get_fully_qualified_name())
 
@@ -166,7 +164,7 @@ class ServiceThread:
         return self._while(self._serving.answering())
 
     @contextmanager
-    def _while(self, held: AbstractContextManager[None]):
+    def _while(self, held: AbstractContextManager[None]) -> Iterator[None]:
         with self._works:
             with held:
                 yield

@@ -222,7 +222,9 @@ def slot_of(message: TherapySlot, vertical: bool) -> Slot | None:
     if not (message.vertical if vertical else message.planar):
         return None
     start, target = message.start, message.target
-    line = (start.z, 0.0, target.z, 0.0) if vertical else (start.x, start.y, target.x, target.y)
+    line: tuple[float, float, float, float] = (
+        (start.z, 0.0, target.z, 0.0) if vertical else (start.x, start.y, target.x, target.y)
+    )
     return Slot(
         *line,
         message.duration,
