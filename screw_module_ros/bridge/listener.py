@@ -88,8 +88,8 @@ class Listener:
                 ssl_handshake_timeout=_OPENING_S if self._context else None,
             )  # fmt: skip
             await asyncio.sleep(_OPENING_S)
-        except OSError:  # no TLS, or it has gone
-            accepted.close()
+        except OSError:  # no TLS, or it has gone: asyncio has closed it
+            pass
         finally:
             # One that has had its answer is closing: the server keeps none alive after it.
             if transport is None or not (transport.is_closing() or self._is_client(transport)):

@@ -255,7 +255,7 @@ class SimulatedDrive(CanopenDevice):
         node.sinks[0x6071, 0] = self._aim
         node.sinks[0x6060, 0] = self._set_mode
         node.sinks[0x6076, 0] = self._rate
-        for key in ((0x6072, 0), (0x6087, 0), key_of(self.traits.limit_object or "6072")):
+        for key in ((0x6087, 0), key_of(self.traits.limit_object or "6072")):
             node.sinks[key] = lambda _value: self._read_limits()
 
     def _aim(self, target: int) -> None:

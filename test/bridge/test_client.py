@@ -178,6 +178,16 @@ def test_of_results_each_one_comes_also_those_before(gateway):
     assert [each["msg"]["trial"] for each in sent(page, 300 * MS)] == [4]
 
 
+def test_samples_may_be_asked_for_once_an_hour(gateway):
+    page = client(gateway)
+    page.take(text("subscribe", topic="/endpoint_state", throttle_rate=3_600_000), 0)
+    got = []
+    for second in range(0, 7200, 10):
+        gateway.tell("/endpoint_state", {"second": second})
+        got += [message["msg"]["second"] for message in sent(page, second * 1000 * MS)]
+    assert got == [0, 3600]
+
+
 def test_samples_come_no_faster_than_asked(gateway):
     page = client(gateway)
     page.take(text("subscribe", topic="/endpoint_state", throttle_rate=100), 0)

@@ -92,3 +92,9 @@ def test_what_does_not_fit_is_told_by_its_name(message, content, told):
         filled(message, content)
     assert told in str(error.value)
     assert len(str(error.value)) < 400
+
+
+def test_a_reason_is_cut_where_it_becomes_long():
+    with pytest.raises(ValueError) as error:
+        filled(PlanarState, {"position": [1.0]})
+    assert len(str(error.value).removeprefix("position = [1.0]: ")) == 160

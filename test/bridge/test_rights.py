@@ -75,6 +75,8 @@ def test_the_therapist_calls_what_the_page_offers():
         assert rights.may(THERAPIST, CALL, f"/{name}").name == name
     names = {"names": list(LIMITS)}
     assert rights.may(THERAPIST, CALL, "/therapy_session/get_parameters", arguments=names)
+    values = {"parameters": [{"name": name, "value": {}} for name in LIMITS]}
+    assert rights.may(THERAPIST, CALL, "/therapy_session/set_parameters", arguments=values)
 
 
 @pytest.mark.parametrize("arguments", [

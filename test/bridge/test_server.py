@@ -121,9 +121,18 @@ def test_nothing_but_the_pages_is_served(server, path):
 
 def test_the_configuration_needs_a_token(server):
     assert run(answer(server, "/config.json"))[0] == 403
-    status, text, _ = run(answer(server, "/config.json", token=PATIENT))
-    assert status == 200
-    assert json.loads(text) == {**CONFIG, "role": "patient", "wishes": False}
+    for token, role, wishes in ((PATIENT, "patient", False), (THERAPIST, "therapist", True)):
+        status, text, _ = run(answer(server, "/config.json", token=token))
+        assert status == 200
+        assert json.loads(text) == {**CONFIG, "role": role, "wishes": wishes}
+    server._rights.wishes = True
+    assert json.loads(run(answer(server, "/config.json", token=PATIENT))[1])["wishes"]
+
+
+@pytest.mark.parametrize(("allowed", "patients"), [(1, 1), (2, 1), (3, 1), (4, 2)])
+def test_one_patient_gets_in_however_few_are_allowed(gateway, allowed, patients):
+    server = make_server(gateway, limits=Limits(clients=allowed))
+    assert (server._room_for("patient"), server._room_for("therapist")) == (patients, allowed)
 
 
 def test_no_more_clients_than_allowed_and_room_for_therapists(server):
@@ -145,6 +154,12 @@ def test_it_listens_on_this_machine_alone(server):
     port = int(server.address.rpartition(":")[2])
     with socket.socket() as probe:  # all of 127/8 is this machine; we listen on one address of it
         assert probe.connect_ex(("127.0.0.2", port)) != 0
+
+
+@pytest.mark.parametrize(("listens_at", "shown"), [("", "127.0.0.1"), ("localhost", "localhost")])
+def test_the_address_of_the_pages_is_one_that_a_browser_can_open(gateway, listens_at, shown):
+    with Served(make_server(gateway, address=listens_at)) as server:
+        assert server.address.startswith(f"http://{shown}:")
 
 
 def test_a_port_that_is_taken_is_told(server, gateway):
@@ -271,6 +286,18 @@ def test_an_error_while_sending_closes_the_page(server, gateway, said):
     kind = run(play())
     assert kind in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
     assert said == ["cut off a patient's page: ZeroDivisionError: division by zero"]
+
+
+def test_an_error_of_asyncio_is_told_without_its_text(server, gateway, said):
+    """The text may quote a request, and so hold a token. Each turn polls the robots."""
+    def poll():
+        if not said:
+            context = {"message": "Task failed", "exception": ValueError(THERAPIST)}
+            asyncio.get_running_loop().call_exception_handler(context)
+
+    gateway.poll = poll
+    run(until(lambda: said))
+    assert said == ["Task failed: ValueError"]
 
 
 def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):

@@ -39,12 +39,20 @@ def test_sdo_aborts_carry_the_codes_of_the_standard(encoder):
     assert encoder.write(2, "1003:00", "01") == "06090030"
 
 
+def test_a_value_below_or_above_what_the_eds_file_allows_is_refused(drive):
+    assert drive.write(1, "605D:00", "0000") == "06090032"
+    assert drive.write(1, "605D:00", "0500") == "06090031"
+    assert [drive.write(1, "605D:00", value) for value in ("0100", "0400")] == ["ok", "ok"]
+
+
 def test_expedited_download_may_leave_its_size_open(encoder):
     """CiA 301, 7.2.4.3.3: with s = 0 the master does not say how many of the bytes count."""
     assert encoder.ask(0x602, "22 00 60 00 04 00 00 00") == [(0x582, "60 00 60 00 00 00 00 00")]
     assert encoder.read(2, "6000:00") == "0400"
     assert encoder.ask(0x602, "22 01 60 00 10 27 00 00") == [(0x582, "60 01 60 00 00 00 00 00")]
     assert encoder.read(2, "6001:00") == "10270000"
+    assert encoder.ask(0x602, "22 29 10 01 01 00 00 00") == [(0x582, "60 29 10 01 00 00 00 00")]
+    assert encoder.read(2, "1029:01") == "01"
     assert encoder.ask(0x602, "22 34 12 00 00 00 00 00") == [(0x582, "80 34 12 00 00 00 02 06")]
     assert encoder.ask(0x602, "22 08 10 00 00 00 00 00")[0][1].startswith("80 08 10 00")
 

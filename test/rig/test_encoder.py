@@ -43,6 +43,8 @@ def test_parameters_act_only_with_the_scaling_bit(streaming):
     assert streaming.read(2, "6500:00") == "0400"
     streaming.world.encoder_count = -10
     assert position(streaming) == 3999
+    streaming.write(2, "6000:00", "0000")
+    assert position(streaming) == PHYSICAL_RANGE - 10
 
 
 def test_direction_bit_reverses(streaming):
@@ -84,6 +86,9 @@ def test_cyclic_timer_is_the_event_timer_of_tpdo1(encoder):
     encoder.map_pdo(2, 0, ["20000460"], "FE", "82010000")
     assert encoder.write(2, "6200:00", "0500") == "ok"
     assert encoder.read(2, "1800:05") == "0500"
+    assert encoder.write(2, "1800:05", "0600") == "ok"
+    assert encoder.read(2, "6200:00") == "0600"
+    assert encoder.write(2, "6200:00", "0500") == "ok"
     encoder.start(2)
     encoder.drain()
     assert encoder.run(10) == [(0x182, "00 00 00 00")] * 2

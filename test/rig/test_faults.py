@@ -250,7 +250,7 @@ def test_every_fault_of_every_device_can_be_injected_and_cleared(make_bench):
 def test_sizes_and_texts_of_all_faults_are_the_kept_ones(make_bench, kept):
     devices = make_bench("encoder", "drive", "force_sensor", "planar").rig.devices
     kept({
-        name: {fault: f"{each.text}; {each.size}" for fault, each in device.FAULTS.items()}
+        name: {fault: f"{each.line()}; {each.size}" for fault, each in device.FAULTS.items()}
         for name, device in devices.items()
     })  # fmt: skip
 

@@ -87,6 +87,15 @@ def test_a_wrong_mapping_is_sent_as_it_was_asked_for(encoder):
     assert encoder.ask(0x080) == [(0x285, "00 00 56 34 12 00")]
 
 
+def test_an_object_that_only_a_master_changes_is_sent_as_it_was_written(drive):
+    drive.silence(1)
+    drive.map_pdo(1, 0, ["10007260", "20008760"], "01", "81010000")
+    drive.write(1, "6072:00", "E803")
+    drive.write(1, "6087:00", "78563412")
+    drive.start(1)
+    assert drive.ask(0x080) == [(0x181, "E8 03 78 56 34 12")]
+
+
 def test_both_default_pdos_talk_until_they_are_switched_off(encoder):
     encoder.start(2)
     encoder.world.encoder_count = 7

@@ -161,6 +161,13 @@ def test_a_bus_that_refuses_frames_is_counted(make_bench):
     assert bench.rig.counters.send_errors == 1
 
 
+@pytest.mark.parametrize(("number", "shown"), [(-1, None), (0, 0), (7, 7)])
+def test_an_interface_without_a_descriptor_says_minus_one(make_bench, monkeypatch, number, shown):
+    port = make_bench("encoder").rig.devices["encoder"].link.port
+    monkeypatch.setattr(port.bus, "fileno", lambda: number)
+    assert port.fileno() == shown
+
+
 def test_a_frame_that_cannot_be_read_is_counted(make_bench, monkeypatch):
     bench = make_bench("encoder")
     bus = bench.rig.devices["encoder"].link.port.bus
@@ -218,29 +225,56 @@ def test_short_steps_are_saved_up(world):
     assert world.steps == pytest.approx([50e-6] * 3)
 
 
-def test_a_bus_is_joined_by_who_holds_simulated_time(world):
+class Steps:
+    """A rig in a thread of its own, which moves simulated time; reached_ns: each new time."""
+
+    def __init__(self, world):
+        self.clock = SimulatedClock(Page(f"test_{uuid.uuid4().hex}"), "test")
+        self.hub = RigHub(f"bus_{uuid.uuid4().hex[:8]}")
+        self.reached_ns: list[int] = []
+        self._conductor = Conductor(self.clock.page, 0.0, pytest.fail)
+        self._rig = Rig({"encoder": self.hub}, world, self.clock)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._serve)
+
+    def _serve(self):
+        self._rig.run_in_steps(self._conductor, self._stop.is_set, self.reached_ns.append)
+
+    def start(self):
+        self._thread.start()
+
+    def close(self):
+        self._stop.set()
+        self._thread.join(5.0)
+        self.hub.shutdown()
+        self._conductor.close()
+        self.clock.leave()
+        self.clock.page.close()
+
+
+@pytest.fixture
+def steps(world):
+    made = Steps(world)
+    yield made
+    made.close()
+
+
+def test_a_bus_is_joined_by_who_holds_simulated_time(steps):
     """Time stands still until the driver goes on, and he goes on when the rig has admitted him."""
-    clock = SimulatedClock(Page(f"test_{uuid.uuid4().hex}"), "test")
-    hub = RigHub(f"bus_{uuid.uuid4().hex[:8]}")
-    conductor = Conductor(clock.page, 0.0, pytest.fail)
-    rig = Rig({"encoder": hub}, world, clock)
-    stop = threading.Event()
+    begin_ns = steps.clock.now_ns()
+    with steps.clock.working():
+        steps.start()
+        driver = RigBus(steps.hub.channel_info.removeprefix("rig "))
+        driver.shutdown()
+        assert steps.clock.now_ns() == begin_ns
 
-    def serve():
-        rig.run_in_steps(conductor, stop.is_set, lambda now_ns: None)
 
-    thread = threading.Thread(target=serve)
-    begin_ns = clock.now_ns()
-    try:
-        with clock.working():
-            thread.start()
-            driver = RigBus(hub.channel_info.removeprefix("rig "))
-            driver.shutdown()
-            assert clock.now_ns() == begin_ns
-    finally:
-        stop.set()
-        thread.join(5.0)
-        hub.shutdown()
-        conductor.close()
-    clock.leave()
-    clock.page.close()
+def test_time_goes_from_period_to_period_or_to_whoever_waits_for_less(steps, wait_until):
+    begin_ns = steps.clock.now_ns()
+    assert begin_ns % MS == 0
+    with steps.clock.working():
+        steps.start()
+        steps.clock.sleep_until(begin_ns + 5 * MS // 2)
+        wait_until(lambda: len(steps.reached_ns) >= 3)  # it tells of a step when all know the time
+        reached_ns = [now_ns - begin_ns for now_ns in steps.reached_ns]
+    assert reached_ns == [MS, 2 * MS, 5 * MS // 2]
