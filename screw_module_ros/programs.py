@@ -15,12 +15,13 @@ from typing import Any
 _NODES = (
     "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
     "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
-    "bringup", "robot_description",
 )  # fmt: skip
 _TRIALS = ("demo", "therapy", "soak", "bench")
 PROGRAMS = {
     **{name: (f"nodes.{name}", "main") for name in _NODES},
     **{name: (f"trials.{name}", name) for name in _TRIALS},
+    "bringup": ("nodes.bringup", "command"),
+    "robot_description": ("nodes.robot_description", "command"),
     "characterize": ("identification.live.characterize", "main"),
     "check_hardware": ("hardware.command", "main"),
     "reproduce": ("identification.reproduce", "main"),

@@ -29,7 +29,14 @@ from screw_module_ros.settings import Setting
 from .support.driver import device_values
 from .support.drives import VERTICAL, DriveNode
 from .support.runtime import main as run_node
-from .support.states import Due, Health, fill_amplifier, latency_values, timing_values
+from .support.states import (
+    Due,
+    Health,
+    at_base,
+    fill_amplifier,
+    latency_values,
+    timing_values,
+)
 from .support.topics import offered, requested
 from .support.wire import Command
 
@@ -62,8 +69,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
-        self._state = AmplifierState()
-        self._state.header.frame_id = "manus_base"
+        self._state = at_base(AmplifierState)
 
     # Lifecycle -----------------------------------------------------------------------------
 

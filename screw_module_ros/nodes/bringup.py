@@ -306,8 +306,3 @@ def _watch(processes: list[Process], stopping: threading.Event) -> dict[str, int
         sweep(str(domain_id()))
         click.echo(f"bringup: all stopped in {time.monotonic() - begun:.1f} s", err=True)
     return codes
-
-
-def main() -> None:
-    """Console entry point."""
-    command()

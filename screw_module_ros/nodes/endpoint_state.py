@@ -30,7 +30,7 @@ from screw_module_ros.settings import Setting
 from .support.inbox import fill_stamp
 from .support.node import Node
 from .support.runtime import main as run_node
-from .support.states import OK, WARN, Health, RateMeter
+from .support.states import OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
 _NAN = math.nan
@@ -61,11 +61,8 @@ class EndpointStateNode(Node):
         super().__init__("endpoint_state")
         self.parameters.declare(EndpointSettings)
         self._rate = RateMeter()
-        self._message = EndpointState()
-        self._message.header.frame_id = "manus_base"
+        self._message, self._joints = at_base(EndpointState), at_base(JointState)
         self.parameters.declare(Screw)
-        self._joints = JointState()
-        self._joints.header.frame_id = "manus_base"
 
     def connect(self) -> None:
         """Make the topics."""

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import ExcitationRequest, ImpedanceState
@@ -49,9 +50,10 @@ from .support.states import (
     WARN,
     Due,
     Health,
+    at_base,
     broken_contract,
     fill_controller,
-    impedance_text,
+    set_impedance,
     timing_values,
 )
 from .support.topics import Newest, SlotInbox, offered, requested
@@ -107,13 +109,13 @@ class ImpedanceControllerNode(Node):
         self.parameters.declare(WatchSettings, "watch")
         self.parameters.declare(AgreementSettings, "agreement")
         self.parameters.declare(SlotLimits, "slot")
-        self._state_message = ImpedanceState()
-        self._state_message.header.frame_id = "manus_base"
+        self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None
         self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
         self.periodic.every(self.clock, _PUT_BACK_S, self._end_lease)
-        self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
+        impedance = partial(set_impedance, self.parameters, VerticalSettings)
+        self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
@@ -336,10 +338,6 @@ class ImpedanceControllerNode(Node):
         self._resets = safety.resets
 
     # Services ------------------------------------------------------------------------------
-
-    def _set_impedance(self, request: SetImpedance.Request) -> str:
-        refused = self.parameters.write(stiffness=request.stiffness, damping=request.damping)
-        return refused or Done(impedance_text(self.parameters.read(VerticalSettings)))
 
     def _set_mode(self, request: SetControlMode.Request) -> str:
         refused = self.parameters.write(mode=request.mode)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import PlanarState
@@ -23,11 +24,10 @@ from screw_module_ros.safety.checks import FreezeSettings
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting, SettingError, fields
 
-from .support.answering import Done
 from .support.driver import RateSettings, device_values
 from .support.drives import PLANAR, DriveNode
 from .support.runtime import main as run_node
-from .support.states import Health, fill_plane, impedance_text
+from .support.states import Health, at_base, fill_plane, set_impedance
 from .support.topics import SlotInbox, offered, requested
 
 _JOINTS = {"shoulder": 3, "elbow": 4}
@@ -69,11 +69,11 @@ class ManusNode(DriveNode):
         self.parameters.declare(PlanarSettings)
         self.parameters.declare(PlanarArm, "arm")
         self.parameters.declare(SlotLimits, "slot")
-        self._state = PlanarState()
+        self._state = at_base(PlanarState)
         self._latency_p99 = 0.0
-        self._state.header.frame_id = "manus_base"
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
-        self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
+        impedance = partial(set_impedance, self.parameters, PlanarSettings)
+        self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -199,10 +199,6 @@ class ManusNode(DriveNode):
 
     def _home(self, request: Trigger.Request) -> str:
         return self._plane.home(self.clock)
-
-    def _set_impedance(self, request: SetImpedance.Request) -> str:
-        refused = self.parameters.write(stiffness=request.stiffness, damping=request.damping)
-        return refused or Done(impedance_text(self.parameters.read(PlanarSettings)))
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""

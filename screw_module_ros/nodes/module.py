@@ -37,23 +37,8 @@ _BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 def run(nodes: list[Any]) -> None:
     """Run the hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
-    period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
-    loop = VerticalLoop(nodes[0].clock, period_ns, wires_of(*nodes))
-
-    def step(active: list[Node]) -> None:
-        loop.step(Parts(*(node.part if node in active else None for node in nodes)))
-
-    run_loop(nodes, step)
-
-
-def wires_of(
-    encoder: EncoderNode,
-    force_sensor: ForceSensorNode,
-    controller: ImpedanceControllerNode,
-    amplifier: AmplifierNode,
-) -> Wires:
-    """Return the wires from the one loop to the topics of the four nodes."""
-    return Wires(
+    encoder, force_sensor, controller, amplifier = nodes
+    wires = Wires(
         take_command=amplifier.take_command,
         publish_sample=encoder.publish,
         publish_force=force_sensor.publish,
@@ -63,6 +48,13 @@ def wires_of(
         publish_controller_state=controller.publish_state,
         publish_drive_state=amplifier.publish_state,
     )
+    period_ns = period_of(encoder.parameters.read(RateSettings).rate)
+    loop = VerticalLoop(encoder.clock, period_ns, wires)
+
+    def step(active: list[Node]) -> None:
+        loop.step(Parts(*(node.part if node in active else None for node in nodes)))
+
+    run_loop(nodes, step)
 
 
 def make_nodes() -> list[Node]:

@@ -54,11 +54,11 @@ class _Tap:
 
 
 class Taps:
-    """Subscriptions for one recording. refused: why topics are not recorded, by name."""
+    """Subscriptions for one `recording`. refused: why topics are not recorded, by name."""
 
     def __init__(self, node: Node, clock: Clock, recording: Recording, extra: Sequence[str] = ()):
         """Subscribe to the topics of the graph; `extra`: names of others."""
-        self._node, self._clock, self._recording = node, clock, recording
+        self._node, self._clock, self.recording = node, clock, recording
         self._group = HotGroup()
         self._wait_set = new_wait_set(node, 1)
         self._lock = threading.Lock()  # of declarations
@@ -107,10 +107,10 @@ class Taps:
         offers = self._node.get_publishers_info_by_topic(tap.name)
         with self._lock:
             if not tap.channel and (offers or heard):
-                tap.channel = self._recording.add_topic(self._topic(tap, offers))
+                tap.channel = self.recording.add_topic(self._topic(tap, offers))
             if len(offers) > 1 and tap.numbered:
                 tap.numbered = False
-                self._recording.several_publishers(tap.channel)
+                self.recording.several_publishers(tap.channel)
 
     def _topic(self, tap: _Tap, offers: list[TopicEndpointInfo]) -> Topic:
         hashes = {str(offer.topic_type_hash) for offer in offers}

@@ -21,9 +21,7 @@ JOINT_SPEED = 6.0
 """Speed limit of the joints [rad/s], required by URDF; the laws limit the hand's speed instead."""
 
 
-def robot_description(
-    arm: PlanarArm = MANUS,
-) -> str:
+def robot_description(arm: PlanarArm = MANUS) -> str:
     """Return the URDF of the robot with these dimensions and the default limits of the nodes.
 
     Frames and joints: see the file. Raises ResourceError where it is not installed.
@@ -50,8 +48,3 @@ def robot_description(
 def command() -> None:
     """Print the robot's URDF."""
     click.echo(robot_description())
-
-
-def main() -> None:
-    """Console entry point."""
-    command()

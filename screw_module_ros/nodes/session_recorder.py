@@ -78,8 +78,7 @@ class SessionRecorder(Node):
         super().__init__("session_recorder")
         self.parameters.declare(RecorderSettings)
         self.parameters.declare(StorageSettings, "storage")
-        self._recording: Recording | None = None
-        self._taps: Taps | None = None
+        self._taps: Taps | None = None  # of the recording that runs
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
@@ -116,14 +115,14 @@ class SessionRecorder(Node):
 
     def step(self) -> None:
         """Empty the queues."""
-        if self._recording is None:
+        if self._taps is None:
             self.clock.idle()  # without a recording this thread does not hold simulated time
             self.stopping.wait(_IDLE_S)
             return
         self._ticker.sleep()
         with self._lock:
-            if self._recording is not None and self._taps is not None:
-                self._recording.put(self._taps.drain())
+            if self._taps is not None:
+                self._taps.recording.put(self._taps.drain())
 
     def end(self) -> None:
         """Close the bag."""
@@ -135,16 +134,20 @@ class SessionRecorder(Node):
 
     def _start(self, name: str) -> str:
         """Start a bag of this name; return why it failed, empty when it records."""
-        settings = self.parameters.read(RecorderSettings)
         try:
-            recording = self._new_recording(name)
-            taps = self._begun(recording, settings)
+            taps = self._begun(self._new_recording(name))
         except (BagError, NameValidationException, ValueError) as error:
             text = str(error)
         except OSError as error:  # files, threads or memory have run out
             text = f"cannot record: {error.strerror}"
         else:
-            return self._begin(recording, taps)
+            with self._lock:
+                self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
+                self._folder, self._taps = taps.recording.folder, taps
+            self._asked = NodeParameters(self)
+            self._asked.ask()
+            self.get_logger().info("recording")
+            return ""
         self.get_logger().error(text)
         return text
 
@@ -165,8 +168,9 @@ class SessionRecorder(Node):
                 name = f"{name[:_STAMP_LENGTH]}_{number}"
         return Recording(Bag(parent / name, storage), storage)
 
-    def _begun(self, recording: Recording, settings: RecorderSettings) -> Taps:
+    def _begun(self, recording: Recording) -> Taps:
         """Start the recording's thread and subscribe; on an error close the bag and raise it."""
+        settings = self.parameters.read(RecorderSettings)
         try:
             recording.note("configuration", file_hashes(settings.configuration))
             recording.start()
@@ -176,38 +180,28 @@ class SessionRecorder(Node):
             shutil.rmtree(recording.folder, ignore_errors=True)  # nothing was recorded
             raise
 
-    def _begin(self, recording: Recording, taps: Taps) -> str:
-        with self._lock:
-            self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
-            self._folder, self._taps, self._recording = recording.folder, taps, recording
-            self._asked = NodeParameters(self)
-        self._asked.ask()
-        self.get_logger().info("recording")
-        return ""
-
     def _stop(self) -> Status | None:
         """Close the bag; return what it holds, None without one."""
         with self._lock:
-            recording, taps = self._recording, self._taps
-            self._recording = self._taps = None
-            if recording is None or taps is None:
+            taps, self._taps = self._taps, None
+            if taps is None:
                 return None
-            recording.put(taps.drain())
-            self._note(recording, taps)  # what was told in the last second
+            taps.recording.put(taps.drain())
+            self._note(taps)  # what was told in the last second
             taps.close()
             self._asked.close()
-        self._last = recording.close()
+        self._last = taps.recording.close()
         self.get_logger().info(self._last.summary())
         return self._last
 
-    def _note(self, recording: Recording, taps: Taps) -> None:
+    def _note(self, taps: Taps) -> None:
         """Write the parameters of the nodes into the bag, and what is not recorded."""
-        recording.note(PARAMETERS, dict(self._asked.values))
+        taps.recording.note(PARAMETERS, dict(self._asked.values))
         if taps.refused:
-            recording.note(REFUSED, dict(taps.refused))
+            taps.recording.note(REFUSED, dict(taps.refused))
 
     def _on_start(self, name: str) -> str:
-        if self._recording is not None and not self._recording.status().error:
+        if self._taps is not None and not self._taps.recording.status().error:
             return f"already recording to {self._folder}: stop that first"
         self._stop()
         self._refusal = self._start(name)
@@ -221,12 +215,12 @@ class SessionRecorder(Node):
         return text if status.error else Done(text)
 
     def _each_second(self) -> None:
-        recording, taps = self._recording, self._taps
-        if recording is not None and taps is not None and not recording.status().error:
+        taps = self._taps
+        if taps is not None and not taps.recording.status().error:
             try:
                 taps.look()
                 self._asked.ask()
-                self._note(recording, taps)
+                self._note(taps)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
         health = self.health()
@@ -252,12 +246,10 @@ class SessionRecorder(Node):
 
     def health(self) -> Health:
         """Report whether a recording runs and what is missing in it."""
-        recording, taps = self._recording, self._taps
-        status = recording.status() if recording is not None else self._last
-        values: dict[str, object] = {"recording": bool(recording and status and not status.error)}
-        refusal = self._refusal
-        if recording is None:
-            refusal = refusal or self._hindrance()
+        taps = self._taps
+        status = self._last if taps is None else taps.recording.status()
+        values: dict[str, object] = {"recording": bool(taps and status and not status.error)}
+        refusal = self._refusal or ("" if taps else self._hindrance())
         if status is None:
             return Health(ERROR if refusal else OK, refusal or "not recording", values)
         values |= {

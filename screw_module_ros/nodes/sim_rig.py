@@ -30,7 +30,7 @@ from .support.answering import Done
 from .support.node import Node
 from .support.place import lock_simulation
 from .support.runtime import main as run_node
-from .support.states import OK, WARN, Due, Health
+from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered
 
 _ANSWER_S = 1.0
@@ -131,8 +131,7 @@ class SimRigNode(Node):
         self._buses: dict[BusSettings, can.BusABC] = {}
         self._slipped = 0
         self._has_told_of_loss = False
-        self._truth = SimTruth()
-        self._truth.header.frame_id = "manus_base"
+        self._truth = at_base(SimTruth)
         self._page = self.clock.page if isinstance(self.clock, SimulatedClock) else None
         self._time: Conductor | None = None
         self._departure = Departure(self._page)

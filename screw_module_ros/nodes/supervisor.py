@@ -12,9 +12,7 @@ import threading
 from typing import Annotated, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from screw_module_msgs.msg import (
-    SafetyState,
-)
+from screw_module_msgs.msg import SafetyState
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros import graph
@@ -33,7 +31,7 @@ from .support.answering import Done
 from .support.node import Node
 from .support.place import Kept
 from .support.runtime import main as run_node
-from .support.states import ERROR, OK, WARN, Health, RateMeter
+from .support.states import ERROR, OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
@@ -56,8 +54,7 @@ class SupervisorNode(Node):
         super().__init__("supervisor")
         self.parameters.declare(SupervisorSettings)
         self.parameters.declare(SupervisionSettings)
-        self._message = SafetyState()
-        self._message.header.frame_id = "manus_base"
+        self._message = at_base(SafetyState)
         self._kept = Kept(self.get_fully_qualified_name())
         self._saved = True
         self._state = self._restored()

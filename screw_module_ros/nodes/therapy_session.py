@@ -43,7 +43,7 @@ from .support import topics
 from .support.node import Node
 from .support.place import below, root_folder
 from .support.runtime import main as run_node
-from .support.states import OK, WARN, Due, Health
+from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, result_message
 from .therapy_recording import BEGUN, LOST, REFUSED, RecorderSettings, SessionRecording
@@ -105,9 +105,7 @@ class TherapySessionNode(Node):
 
     def begin(self) -> None:
         """Start without a session, and without what the last one has published."""
-        self._slot, self._state = TherapySlot(), TherapyState()
-        for message in (self._slot, self._state):
-            message.header.frame_id = "manus_base"
+        self._slot, self._state = at_base(TherapySlot), at_base(TherapyState)
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._session = self._sent = self._wish = self._sample = self._sampled_ns = None

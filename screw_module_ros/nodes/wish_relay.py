@@ -13,6 +13,7 @@ from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
 from .support.inbox import Inbox
 from .support.node import Node
+from .support.states import at_base
 from .support.topics import offered, requested
 
 _NOWHERE: Point = (math.nan,) * 3
@@ -25,8 +26,7 @@ class WishRelay:
         self._node = node
         self._take = inbox.subscribe(*requested(graph.THERAPY_WISH))
         self._publish = node.outlet(*offered(graph.SETPOINT))
-        self._message = EndpointSetpoint()
-        self._message.header.frame_id = "manus_base"
+        self._message = at_base(EndpointSetpoint)
         self._gate = WishGate(limits)
 
     def limit(self, limits: WishLimits) -> None:

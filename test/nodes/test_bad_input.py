@@ -12,9 +12,11 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.can_io.bus import BusSettings, where, within
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.graph import bus_of
 from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.nodes.support.place import AlreadyRunning, lock_device, lock_simulation
+from screw_module_ros.nodes.support.states import set_impedance
 
 
 def refused(node) -> str:
@@ -71,13 +73,14 @@ def test_observer_without_the_damper_it_needs(make_node):
 def test_observer_is_refused_by_the_services_until_there_is_a_damper(make_node):
     """First the damper, then the mode; a stiffer spring asks for more of it."""
     node = make_node("impedance_controller")
+    law = node.parameters, VerticalSettings
     told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
     assert "raise the damping first" in told
-    told = node._set_impedance(SetImpedance.Request(stiffness=100.0, damping=10.0))
+    told = set_impedance(*law, SetImpedance.Request(stiffness=100.0, damping=10.0))
     assert isinstance(told, Done) and told == "stiffness 100 N/m, damping 10 Ns/m"
     told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
     assert isinstance(told, Done) and told == "mode 5, OBSERVER"
-    told = node._set_impedance(SetImpedance.Request(stiffness=2000.0, damping=10.0))
+    told = set_impedance(*law, SetImpedance.Request(stiffness=2000.0, damping=10.0))
     assert "2000 N/m needs a damping of" in told
 
 

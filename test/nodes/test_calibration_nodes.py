@@ -251,7 +251,8 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
         publisher.publish(AmplifierState(calibration=calibration.identity))
         node._taps.look()
         node.step()
-        return node._recording.status().messages + node._recording.status().waiting
+        status = node._taps.recording.status()
+        return status.messages + status.waiting
 
     wait_until(recorded, what="a message in the recorder")
     node.close()

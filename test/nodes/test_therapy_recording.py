@@ -246,12 +246,11 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
 def test_a_recording_that_failed_is_reported_as_none():
     """A full disk closes the bag, but the recorder's session lasts until it is stopped."""
     status = Status("only 3 MiB left on the disk", 7, 0, 5, 100, {})
-    node = SimpleNamespace(
-        _recording=SimpleNamespace(status=lambda: status), _last=None, _folder="bag", _refusal="",
-        _taps=SimpleNamespace(refused={}),
-    )  # fmt: skip
+    recording = SimpleNamespace(status=lambda: status)
+    taps = SimpleNamespace(refused={}, recording=recording)
+    node = SimpleNamespace(_taps=taps, _last=None, _folder="bag", _refusal="")
     assert SessionRecorder.health(node).values["recording"] is False
-    node._recording = SimpleNamespace(status=lambda: status._replace(error=""))
+    recording.status = lambda: status._replace(error="")
     assert SessionRecorder.health(node).values["recording"] is True
 
 

@@ -25,7 +25,7 @@ from .inbox import Inbox
 from .node import Node
 from .place import lock_device, runs
 from .states import ERROR, OK, Health, RateMeter, latency_values
-from .topics import offered, requested
+from .topics import Newest, offered, requested
 
 _SLOW_POLL_S = 5.0
 # Longer than the supervisor waits for it (`timeout`) and the drives for the supervisor
@@ -184,7 +184,7 @@ class TorqueOff:
 
     def __init__(self, node: Node, inbox: Inbox, clock: Clock):
         self._node, self._clock = node, clock
-        self._take_state = inbox.subscribe(*requested(graph.AMPLIFIER_STATE))
+        self._state = Newest(inbox.subscribe(*requested(graph.AMPLIFIER_STATE)), 0)
 
     def check(self, why: str) -> None:
         """Raise NotNow when the amplifier's next state shows that torque passes or may pass.
@@ -207,17 +207,12 @@ class TorqueOff:
                 f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
             )
 
-    def _next_state(self) -> AmplifierState | None:
+    def _next_state(self) -> Any:
         """Return the amplifier's next state, None while it is silent."""
-        self._take_state()  # a waiting message may be old
-        states: list[AmplifierState] = []
-
-        def answered() -> bool:
-            state = self._take_state()
-            states.extend([state] if state is not None else [])
-            return bool(states)
-
-        return states[0] if self._clock.wait_for(answered, _STATE_S) else None
+        self._state.update(0)
+        self._state.forget()  # a waiting message may be old
+        self._clock.wait_for(lambda: self._state.update(0), _STATE_S)
+        return self._state.message
 
     def _is_undiscovered(self) -> bool:
         """Return whether the amplifier runs on this machine and the graph does not show it."""

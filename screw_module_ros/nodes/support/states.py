@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
+from screw_module_msgs.srv import SetImpedance
+from std_msgs.msg import Header
 
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.safety.timing import (
@@ -24,7 +26,9 @@ from screw_module_ros.safety.timing import (
 )
 from screw_module_ros.samples import ForceReading
 
+from .answering import Done
 from .inbox import fill_stamp
+from .parameters import Parameters
 
 if TYPE_CHECKING:  # not every node has drives: without one, no bus is imported
     from screw_module_ros.loop.controller import VerticalController
@@ -53,6 +57,11 @@ class Health(NamedTuple):
             hardware_id=hardware_id,
             values=[KeyValue(key=key, value=str(value)) for key, value in self.values.items()],
         )
+
+
+def at_base(kind: Any) -> Any:
+    """Return a message of this class in the robot's frame."""
+    return kind(header=Header(frame_id="manus_base"))
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
@@ -120,9 +129,11 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     _fill_counts(message, plane.meter, now_ns)
 
 
-def impedance_text(law: Any) -> str:
-    """Return the impedance that a law's settings ask for, as the answer of a service."""
-    return f"stiffness {law.stiffness:g} N/m, damping {law.damping:g} Ns/m"
+def set_impedance(parameters: Parameters, kind: type, request: SetImpedance.Request) -> str:
+    """Carry out a request to change the impedance of the law with settings `kind`."""
+    refused = parameters.write(stiffness=request.stiffness, damping=request.damping)
+    law = parameters.read(kind)
+    return refused or Done(f"stiffness {law.stiffness:g} N/m, damping {law.damping:g} Ns/m")
 
 
 def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
