@@ -93,7 +93,6 @@ class SimulatedEncoder(CanopenDevice):
     def restarted(self) -> None:
         """Come back with the defaults; the preset is kept, as in an EEPROM."""
         self.frozen = None
-        self._spike = 0
         self.written(self.now_ns)
 
     def _scaled(self) -> int:

@@ -105,8 +105,8 @@ ENCODER = CANOPEN | {
                    size=Size("counts, standard deviation", 20.0, 0.0, 1e6)),
     "near_rollover": Fault("the position jumps to just below its wrap", start="wrap_soon",
                            size=Size("counts below", 2000.0, 1.0, 1e7)),
-    "position_error": Fault("alarm bit 0, EMCY 7300", "position_alarm", 1 << 0),
-    "index_lost": Fault("alarm bit 12, EMCY 7305", "index_alarm", 1 << 12),
+    "position_error": Fault("alarm bit 0, EMCY 7300", "position_alarm", 0x0001),
+    "index_lost": Fault("alarm bit 12, EMCY 7305", "index_alarm", 0x1000),
     "warning": Fault("a bit of 6505 is set", "warnings", start="warn", size=_BIT),
 }  # fmt: skip
 

@@ -158,7 +158,7 @@ class Rpdo(_Pdo):
     """
 
     _held: bytes | None = None
-    _bad_length = _late = False
+    _late = False
     deadline_ns = 0
 
     def refresh(self) -> None:
@@ -175,14 +175,11 @@ class Rpdo(_Pdo):
         if not device.operational or device.deaf_pdos:
             return
         if len(data) < size:
-            self._bad_length = True
             device.errors.report(TOO_SHORT)
             return
         if len(data) > size:
-            self._bad_length = True
             device.errors.report(TOO_LONG)
-        elif self._bad_length:
-            self._bad_length = False
+        else:
             device.errors.resolve(TOO_SHORT)
             device.errors.resolve(TOO_LONG)
         self.deadline_ns = now_ns + self._event_ns if self._event_ns else 0
@@ -210,7 +207,7 @@ class Rpdo(_Pdo):
         """Clear the deadline and a held frame, as a reset does."""
         self.deadline_ns = 0
         self._held = None
-        self._late = self._bad_length = False
+        self._late = False
 
     def _apply(self, data: bytes, now_ns: int) -> None:
         for sink, value in zip(self._sinks, self._struct.unpack(data), strict=True):

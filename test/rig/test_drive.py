@@ -3,6 +3,8 @@
 
 import pytest
 
+from screw_module_ros.rig.build import RigSettings
+
 SHUTDOWN = "06 00 00 00"
 SWITCH_ON = "07 00 00 00"
 ENABLE = "0F 00 00 00"
@@ -49,6 +51,28 @@ def test_ratings_are_in_milli_units(drive):
     assert drive.read(1, "6076:00") == "a4010000"  # 420 mNm
     assert drive.read(1, "6075:00") == "410a0000"  # 2625 mA
     assert drive.read(1, "6502:00") == "08020000"
+
+
+def test_the_modes_that_can_be_set_are_those_of_6502(make_bench):
+    drive = make_bench("drive", settings=RigSettings(drive_profile="epos4"))
+    assert drive.read(1, "6502:00") == "a5030000"
+    modes = range(-2, 12)
+    said = [drive.write(1, "6060:00", mode.to_bytes(1, "little", signed=True).hex())
+            for mode in modes]
+    assert [mode for mode, each in zip(modes, said, strict=True) if each == "ok"] == [
+        0, 1, 3, 6, 8, 9, 10
+    ]  # fmt: skip
+    assert set(said) == {"ok", "06090030"}
+
+
+def test_ratings_are_those_of_the_motor_that_was_asked_for(make_bench):
+    settings = RigSettings(rated_torque=0.5, torque_constant=0.25, max_torque=1234)
+    drive = make_bench("drive", "planar", settings=settings)
+    assert drive.read(1, "6076:00") == "f4010000"  # 500 mNm
+    assert drive.read(1, "6075:00") == "d0070000"  # 2000 mA
+    assert drive.read(1, "6072:00") == drive.read(3, "6072:00") == "d204"
+    assert drive.read(1, "608F:01") == "204e0000"  # 20 000 counts a turn
+    assert drive.read(3, "608F:01") == "00000100"  # 65 536
 
 
 def test_target_beyond_max_torque_is_limited_and_said(torque_drive):

@@ -3,6 +3,9 @@
 
 import pytest
 
+from screw_module_ros.resources import resource_path
+from screw_module_ros.rig.build import RigSettings
+
 OFF = "00 00 00 00"
 SHUTDOWN = "06 00 00 00"
 ENABLE = "0F 00 00 00"
@@ -114,6 +117,21 @@ def test_an_rpdo_after_its_deadline_clears_the_error_when_there_is_no_fault(torq
     drive.enable()
     assert drive.run(25) == [(0x081, "50 82 11 00 00 00 00 00")]
     assert drive.ask(0x201, ENABLE) == [(0x081, "00 00 00 00 00 00 00 00")]
+
+
+def test_a_make_may_have_its_deadline_from_power_on(make_bench, tmp_path):
+    file = tmp_path / "make.yaml"
+    file.write_text(
+        resource_path("params/devices/generic_402.yaml").read_text()
+        + 'objects: {"1400:05": {value: 20}}'
+    )
+    drive = make_bench("drive", settings=RigSettings(drive_profile=str(file)))
+    drive.silence(1)
+    drive.start(1)
+    assert drive.run(100) == []  # a frame arms it
+    assert drive.ask(0x201, "06 00") == []
+    assert drive.run(19) == []
+    assert drive.run(1) == [(0x081, "50 82 11 00 00 00 00 00")]
 
 
 def test_fault_reaction_brakes_when_told_so(torque_drive):

@@ -3,6 +3,8 @@
 
 import pytest
 
+from screw_module_ros.rig.build import RigSettings
+
 PHYSICAL_RANGE = 20_000 * 4096
 
 
@@ -61,6 +63,14 @@ def test_preset_sets_the_position_and_its_offset(streaming):
     streaming.world.encoder_count = 1501
     assert position(streaming) == 1001
     assert streaming.write(2, "6003:00", "FFFFFFFF") == "06090032"
+
+
+def test_the_offset_of_a_linear_encoder_has_a_sign(make_bench):
+    encoder = make_bench("encoder", settings=RigSettings(encoder_profile="baumer_linear"))
+    encoder.world.encoder_count = 20_000  # one turn of the screw: 19 050 um
+    assert encoder.write(2, "6003:00", "E8030000") == "ok"
+    assert encoder.read(2, "6004:00") == "e8030000"
+    assert encoder.read(2, "6509:00") == (1000 - 19050).to_bytes(4, "little", signed=True).hex()
 
 
 @pytest.mark.parametrize(
