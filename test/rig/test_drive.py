@@ -53,6 +53,18 @@ def test_ratings_are_in_milli_units(drive):
     assert drive.read(1, "6502:00") == "08020000"
 
 
+def test_a_make_limits_the_torque_by_a_share_of_its_current(make_bench):
+    drive = make_bench("drive", settings=RigSettings(drive_profile="epos4"))
+    drive.start(1)
+    assert drive.write(1, "3001:02", "C4090000") == "ok"  # 2500 of 5000 mA
+    for key, value in (
+        ("6060:00", "0A"), ("6040:00", "0600"), ("6040:00", "0700"), ("6040:00", "0F00"),
+        ("6071:00", "E803"),
+    ):  # fmt: skip
+        assert drive.write(1, key, value) == "ok"
+    assert drive.world.vertical_command == pytest.approx(0.5 * 0.42 / 0.16)
+
+
 def test_the_modes_that_can_be_set_are_those_of_6502(make_bench):
     drive = make_bench("drive", settings=RigSettings(drive_profile="epos4"))
     assert drive.read(1, "6502:00") == "a5030000"
