@@ -92,6 +92,19 @@ def test_in_steps_a_command_acts_its_latency_after_the_sync(make_bench, world, l
     assert acted[0] == pytest.approx(latency)
 
 
+def test_a_command_acts_as_soon_as_its_latency_is_over(world):
+    physics, said = Physics(world, True, MS, MS), []
+    physics.advance(MS)
+    physics.sync(b"", MS)
+    physics.act(lambda: said.append("after it"))
+    physics.advance(2 * MS - 1)
+    assert said == []
+    physics.advance(2 * MS)
+    assert said == ["after it"]
+    physics.act(lambda: said.append("late"))  # 1 ms after the last SYNC: at once
+    assert said == ["after it", "late"]
+
+
 def test_commands_do_not_overtake_each_other(world):
     physics = Physics(world, True, MS, 600_000)
     said = []
@@ -131,6 +144,58 @@ def test_requests_of_other_threads_run_between_frames(make_bench):
     assert seen == []
     bench.run(0)
     assert seen == [threading.current_thread()]
+
+
+class RealTime(ManualClock):
+    """Wall clock by hand; `select` waits by it, or finds frames after 0.1 ms each time."""
+
+    simulated = False
+
+    def select(self, descriptors, _writes, _errors, pause_s):
+        if self.frames:
+            self.time_ns += MS // 10
+            return list(descriptors), (), ()
+        self.time_ns += round(pause_s * 1e9)
+        return [], (), ()
+
+
+@pytest.fixture
+def timers(make_bench, monkeypatch):
+    """Return when a rig with nodes of a period [ns] looks at its timers, from 1 ms on [us]."""
+    def looked(period_ns: int, looks: int, frames: bool = False) -> list[int]:
+        clock, found = RealTime(MS), []
+        clock.frames = frames
+        rig = make_bench("encoder", booted=False, clock=clock, period_ns=period_ns).rig
+        monkeypatch.setattr("select.select", clock.select)
+        monkeypatch.setattr(rig.devices["encoder"].link.port, "fileno", lambda: 7)
+        monkeypatch.setattr(rig, "_housekeep", lambda now_ns: found.append(now_ns // 1000))
+        rig.run(lambda: len(found) == looks)
+        return found
+
+    return looked
+
+
+@pytest.mark.parametrize(("period_ns", "looks_us"), [
+    (MS, [1000, 1600, 2600, 3600]),
+    (4 * MS, [1000, 1600, 2600, 3600]),
+    (MS // 4, [1000, 1150, 1400, 1650]),
+])  # fmt: skip
+def test_timers_come_when_the_nodes_have_written(timers, period_ns, looks_us):
+    assert timers(period_ns, 4) == looks_us
+
+
+def test_frames_come_before_the_timers_but_not_more_than_65(timers):
+    assert timers(MS, 3, frames=True) == [1000 + 6500, 1000 + 13000, 1000 + 19500]
+
+
+def test_the_world_is_looked_at_each_2_ms_though_nobody_asks(make_bench, world):
+    bench = make_bench("encoder")
+    bench.now_ns += 2 * MS - 1
+    bench.run(0)
+    assert world.steps == []
+    bench.now_ns += 1
+    bench.run(0)
+    assert world.steps == pytest.approx([0.002])
 
 
 def test_run_serves_until_it_is_told_to_stop(make_bench, wait_until):
@@ -187,6 +252,7 @@ def test_a_flood_does_not_starve_the_timers(make_bench):
     bench.write(2, "1017:00", "0100")
     for _ in range(2000):
         bench.send(0x001, "FF")
+    assert bench.rig.serve(bench.now_ns) == 256
     assert (0x702, "7F") in bench.run(1)
 
 
