@@ -109,3 +109,13 @@ def test_position_faults(drive):
     drive.rig.inject("drive", "position_jump", -30, 0, drive.now_ns)
     drive.run(0)
     assert drive.read(1, "6064:00") == "f6ffffff"
+
+
+def test_a_fault_whose_cause_lasts_outlives_a_reset(torque_drive):
+    drive = torque_drive
+    drive.rig.inject("drive", "over_temperature", 0, 0, drive.now_ns)
+    drive.run(1)
+    drive.ask(0x000, "81 01")
+    drive.run(30)
+    assert drive.statusword()[:2] == "18"
+    assert drive.read(1, "603F:00") == "1042"
