@@ -28,12 +28,15 @@ communication, manufacturer."""
 
 
 class ErrorLog:
-    """The errors of one device; send: takes (CAN id, payload) while the NMT state allows EMCY."""
+    """The errors of one device; send: takes (CAN id, payload) while the NMT state allows EMCY.
+
+    active: the present error codes, oldest first.
+    """
 
     def __init__(self, node: ObjectDictionary, send: Send):
         self._node = node
         self._send = send
-        self._active: list[int] = []  # codes, oldest first
+        self.active: list[int] = []
         self._history: list[int] = []
         node.sources[0x1001, 0] = self._register
         node.sources[_HISTORY, 0] = lambda: len(self._history)
@@ -43,26 +46,26 @@ class ErrorLog:
 
     def report(self, code: int, info: bytes = b"") -> None:
         """Report a new error; ignore one that is already reported."""
-        if code not in self._active:
-            self._active.append(code)
+        if code not in self.active:
+            self.active.append(code)
             self._history = [code, *self._history][:_LONGEST_HISTORY]
             self._emit(code, self._register(), info)
 
     def resolve(self, code: int) -> None:
         """Report the end of an error; ignore one that was not reported."""
-        if code in self._active:
-            self._active.remove(code)
+        if code in self.active:
+            self.active.remove(code)
             self._emit(0, self._register())
 
     def resolve_all(self) -> None:
         """Clear every present error, with one EMCY 0000."""
-        if self._active:
-            self._active.clear()
+        if self.active:
+            self.active.clear()
             self._emit(0, 0)
 
     def restart(self) -> None:
         """Restart without errors and without a frame."""
-        self._active.clear()
+        self.active.clear()
         self._history.clear()
 
     def pretend(self, code: int) -> None:
@@ -76,7 +79,7 @@ class ErrorLog:
 
     def _register(self) -> int:
         bits = 0
-        for code in self._active:
+        for code in self.active:
             bits |= _register_bits(code)
         return bits
 

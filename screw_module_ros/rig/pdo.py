@@ -179,7 +179,7 @@ class Rpdo(_Pdo):
             return
         if len(data) > size:
             device.errors.report(TOO_LONG)
-        else:
+        elif device.errors.active:
             device.errors.resolve(TOO_SHORT)
             device.errors.resolve(TOO_LONG)
         self.deadline_ns = now_ns + self._event_ns if self._event_ns else 0
