@@ -29,7 +29,7 @@ HEARTBEAT_LOST, BUS_OFF_RECOVERED, SYNC_LENGTH = 0x8130, 0x8140, 0x8240
 _START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET_NODE, _RESET_COMMUNICATION = 1, 2, 128, 129, 130
 _NMT_ID = 0x000
 _SDO_REQUEST, _HEARTBEAT = 0x600, 0x700
-_COMMUNICATION_AREA = range(0x1000, 0x2000)
+_ALL_OBJECTS, _COMMUNICATION_AREA = range(0x10000), range(0x1000, 0x2000)
 _CONSUMER, _PRODUCER = 0x1016, 0x1017
 _STATE_AFTER_LOSS = {0: PRE_OPERATIONAL, 2: STOPPED}
 _GUARDS = ((_CONSUMER, 1), (_CONSUMER, 2), (_PRODUCER, 0), (0x1400, 5))
@@ -199,10 +199,7 @@ class CanopenDevice(SimulatedDevice):
 
     def _reset(self, whole: bool) -> None:
         """Reset for a moment and boot with default objects: all, or the communication area."""
-        if whole:
-            self.node.restore()
-        else:
-            self.node.restore(_COMMUNICATION_AREA.start, _COMMUNICATION_AREA.stop - 1)
+        self.node.restore(_ALL_OBJECTS if whole else _COMMUNICATION_AREA)
         self._enter(INITIALISING)
         self._deadlines_ns.clear()
         self._lost.clear()

@@ -8,6 +8,7 @@ as object 6007 requires.
 
 from __future__ import annotations
 
+from ctypes import c_int32
 from functools import partial
 from typing import NamedTuple
 
@@ -109,8 +110,7 @@ class SimulatedDrive(CanopenDevice):
         """Return object 6064, wrapped to 32 bits."""
         if self.frozen_position is not None:
             return self.frozen_position
-        count = self.axis.position() + self._shift
-        return (count + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+        return c_int32(self.axis.position() + self._shift).value
 
     def torque(self) -> int:
         """Return object 6077 [per mille of 6076]."""
@@ -188,7 +188,7 @@ class SimulatedDrive(CanopenDevice):
         super().poll(now_ns)
         if self.machine.after_stop is not None:
             self._watch_stop(now_ns)
-        elif self._mode == PROFILE_TORQUE and self.machine.driving:
+        elif self._mode == PROFILE_TORQUE:
             self._act(now_ns)
 
     def fail(self, code: int) -> None:

@@ -9,6 +9,7 @@ Position 6004 counts from the world's motor count: direction is bit 0 of 6000; t
 from __future__ import annotations
 
 import random
+from ctypes import c_int32
 
 from screw_module_ros.plant.world import World
 from screw_module_ros.profiles import ANY_ENCODER, Profile
@@ -59,7 +60,7 @@ class SimulatedEncoder(CanopenDevice):
         node.sources[0x6500, 0] = lambda: self._parameters
         node.sources[0x6503, 0] = lambda: self.alarms
         node.sources[0x6505, 0] = lambda: self.warnings
-        node.sources[0x6509, 0] = lambda: _signed(self._offset)
+        node.sources[0x6509, 0] = lambda: c_int32(self._offset).value
         node.sources[0x6200, 0] = lambda: node.value(0x1800, 5)
         node.sinks[0x6003, 0] = self._preset
         node.sinks[0x6200, 0] = self._cyclic_timer
@@ -154,7 +155,3 @@ class SimulatedEncoder(CanopenDevice):
     def warn(self, bit: int) -> None:
         """Set a bit of object 6505."""
         self.warnings |= 1 << bit
-
-
-def _signed(value: int) -> int:
-    return value - _LARGEST_RANGE if value >= _LARGEST_RANGE // 2 else value

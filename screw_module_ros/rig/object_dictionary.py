@@ -172,9 +172,9 @@ class ObjectDictionary(canopen.LocalNode):
             return
         self._stored[index, subindex] = self.variable(index, subindex).encode_raw(value)
 
-    def restore(self, first: int = 0, last: int = 0xFFFF) -> None:
-        """Restore the defaults of the EDS file between two indices."""
-        self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
+    def restore(self, indices: range) -> None:
+        """Restore the defaults of the EDS file for some objects."""
+        self._stored = {k: v for k, v in self._stored.items() if k[0] not in indices}
 
 
 def _number(variable: ODVariable, data: bytes) -> int:

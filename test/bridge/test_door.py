@@ -119,6 +119,12 @@ def test_a_file_that_others_reach_is_refused(tmp_path, mode, folder):
         tokens_in(file)
 
 
+def test_no_tokens_are_made_where_others_reach_them(tmp_path):
+    (tmp_path / "open").mkdir(mode=0o755)
+    with pytest.raises(TokenError, match="chmod 700"):
+        tokens_in(tmp_path / "open" / "tokens.json")
+
+
 @pytest.mark.parametrize("content", [
     b"", b"{}", b"[]", b'{"patient": "", "therapist": ""}', b"\xff",
     json.dumps({"patient": "a" * 32, "therapist": "a" * 32}).encode(),

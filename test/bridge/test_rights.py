@@ -100,6 +100,8 @@ def test_each_robot_has_its_names():
         with pytest.raises(Denied):
             rights.may(PATIENT, SUBSCRIBE, name)
     assert len(rights.places(SUBSCRIBE)) == 2 * len(ROLES[THERAPIST][SUBSCRIBE])
+    rights = Rights(["/left", "/next"])  # as long as each other
+    assert rights.may(PATIENT, SUBSCRIBE, "/next/endpoint_state").robot == "/next"
 
 
 def test_no_role_has_what_the_bridge_does_not_subscribe_publish_or_call():

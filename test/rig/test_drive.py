@@ -31,6 +31,7 @@ def test_target_torque_is_per_mille_of_rated_and_becomes_amperes(torque_drive):
     assert drive.world.vertical_command == pytest.approx(1.3125)
     drive.ask(0x201, "0F 00 0C FE")  # -500
     assert drive.world.vertical_command == pytest.approx(-1.3125)
+    assert (drive.read(1, "6040:00"), drive.read(1, "6071:00")) == ("0f00", "0cfe")
 
 
 def test_actual_torque_and_current_are_reported_per_mille(torque_drive):
@@ -115,7 +116,10 @@ def test_profile_torque_follows_the_slope_and_halts(torque_drive):
     drive.write(1, "1400:05", "0000")
     drive.write(1, "6060:00", "04")
     drive.write(1, "6087:00", "E8030000")  # 1000 per mille a second
-    drive.enable("64 00")
+    for controlword in ("06 00 64 00", "07 00 64 00"):
+        drive.ask(0x201, controlword)
+    drive.run(1000)  # it does not save up torque
+    drive.ask(0x201, "0F 00 64 00")
     drive.run(50)
     assert drive.world.vertical_command == pytest.approx(0.05 * 2.625, rel=0.05)
     drive.run(100)

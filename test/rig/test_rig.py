@@ -169,7 +169,10 @@ def timers(make_bench, monkeypatch):
         monkeypatch.setattr("select.select", clock.select)
         monkeypatch.setattr(rig.devices["encoder"].link.port, "fileno", lambda: 7)
         monkeypatch.setattr(rig, "_housekeep", lambda now_ns: found.append(now_ns // 1000))
+        asked = []
+        rig.call(lambda: asked.append(True))
         rig.run(lambda: len(found) == looks)
+        assert asked == [True]
         return found
 
     return looked
@@ -224,6 +227,7 @@ def test_a_bus_that_refuses_frames_is_counted(make_bench):
     bench.send(0x602, "40 00 10 00 00 00 00 00")
     bench.run(1)
     assert bench.rig.counters.send_errors == 1
+    assert bench.rig.counters.lost == 0  # only a simulated bus counts them
 
 
 @pytest.mark.parametrize(("number", "shown"), [(-1, None), (0, 0), (7, 7)])
