@@ -211,8 +211,8 @@ class ImpedanceControllerNode(Node):
 
     def disconnect(self) -> None:
         """No certificate holds any more."""
-        super().disconnect()
         self._certificate = None
+        super().disconnect()
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the law cannot run with these parameters, or goes beyond the certificate."""

@@ -178,8 +178,8 @@ class SimRigNode(Node):
 
     def disconnect(self) -> None:
         """Close the buses."""
-        super().disconnect()
         self._buses, self._time = {}, None
+        super().disconnect()
 
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""
