@@ -74,6 +74,13 @@ def at_work(bench, device: str, ticks: int, chance: random.Random) -> list:
     return lines
 
 
+def said(bench, device: str) -> list:
+    """Return what all objects of a device say, if it answers."""
+    requests = [f"40{index & 0xFF:02X}{index >> 8:02X}0000000000" for index in INDICES]
+    node = NODES.get(device)
+    return [bench.ask(0x600 + node, request) for request in requests] if node else []
+
+
 @pytest.mark.parametrize("device", NODES)
 def test_every_object_and_what_a_write_does_to_it(make_bench, device, kept):
     bench, chance, node, found = make_bench(device), random.Random(device), NODES[device], {}
@@ -97,9 +104,72 @@ def test_every_frame_while_a_fault_lasts_and_after_it(make_bench, device, fault,
     bench, chance = made(make_bench, device), random.Random(f"{device} {fault}")
     lines = at_work(bench, device, 20, chance)
     bench.rig.inject(device, fault, 0.0, 0.0, bench.now_ns)
-    lines += at_work(bench, device, 40, chance)
+    lines += at_work(bench, device, 40, chance) + said(bench, device)
     bench.rig.inject(device, "clear", 0.0, 0.0, bench.now_ns)
-    lines += at_work(bench, device, 150, chance)
+    lines += at_work(bench, device, 150, chance) + said(bench, device)
+    kept(digest(lines))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_way_to_move_and_to_stop(make_bench, seed, kept):
+    """A drive with any reaction, mode and limit, commanded, disturbed and left alone."""
+    bench, chance, lines = made(make_bench, "drive"), random.Random(seed), []
+    bench.write(1, "6087:00", "10270000")
+    words = ("06 00", "07 00", "0B 00", "00 00", "80 00", "0F 01", *["0F 00"] * 6)
+    for _ in range(60):
+        for key, values in {
+            f"{chance.choice(('605A', '605B', '605C', '605D', '605E', '6007'))}:00":
+                ("FFFF", "0000", "0100", "0200", "0300", "0500", "0600", "0700", "0800"),
+            "6060:00": ("04", "0A", "0A", "00", "03"),
+            "6072:00": ("E803", "0A00", "FF7F"),
+        }.items():  # fmt: skip
+            lines.append(bench.write(1, key, chance.choice(values)))
+        bench.world.counts_per_second = chance.choice((0.0, 0.0, 5e4))
+        if fault := chance.choice(("", "", "over_current", "torque_off", "disable", "clear")):
+            bench.rig.inject("drive", fault, 0.0, chance.choice((0.0, 0.01)), bench.now_ns)
+        for _ in range(12):
+            bench.send(0x770, "05")
+            target = f"{chance.randrange(256):02X} 0{chance.randrange(4)}"
+            bench.send(0x201, f"{chance.choice(words)} {target}")
+            lines.append((bench.run(1), bench.statusword(), bench.read(1, "6074:00")))
+            world = bench.world
+            lines.append((world.vertical_command, world.vertical_powered, world.vertical_braked))
+        if chance.random() < 0.3:  # a silent master, or one that changes the state
+            lines.append(bench.run(chance.choice((30, 130, 1200))))
+            lines.append(bench.ask(0x000, chance.choice(("0201", "8001", "8101", "8201"))))
+            bench.run(30)
+            bench.start(1)
+    kept(digest(lines))
+
+
+@pytest.mark.parametrize("device", NODES)
+def test_every_way_to_map_a_pdo(make_bench, device, kept):
+    """Right and wrong orders of writes to the first two PDOs, and what is sent and heard then."""
+    bench, chance, node, lines = make_bench(device), random.Random(device), NODES[device], []
+    ids = [*(0x180 + node | number << 8 for number in range(4)), 0x701, 0x080, 0x601]
+    entries = (
+        "20000460", "10000365", "20006460", "10004160", "10007160", "08006060", "10000600",
+        "20000160", "00000000", "08000460", "20010460", "20000768",
+    )  # fmt: skip
+    for _ in range(400):
+        can_id = chance.choice(ids) | chance.choice((0, 0, 1 << 31, 1 << 29))
+        first, number = chance.choice((0x1400, 0x1800)), chance.randrange(2)
+        offset, subindex, values = chance.choice((
+            (0, 1, [can_id.to_bytes(4, "little").hex()]),
+            (0, 2, ("00", "01", "02", "F1", "FE", "FF")),
+            (0, chance.choice((3, 5)), ("0000", "3200")),
+            *[(0x200, 0, ("00", "00", "01", "02", "03", "09"))] * 2,
+            *[(0x200, chance.randrange(1, 4), entries)] * 3,
+        ))  # fmt: skip
+        key = f"{first + offset + number:04X}:{subindex:02X}"
+        lines.append(bench.write(node, key, chance.choice(values)))
+        if chance.random() < 0.3:
+            bench.world.encoder_count += chance.randrange(-5, 100_000)
+            lines.append(bench.ask(0x000, f"{chance.choice(('01', '80'))}{node:02X}"))
+            for _ in range(4):
+                payload = bytes(chance.randrange(256) for _ in range(chance.randrange(9)))
+                bench.send(chance.choice(ids), payload.hex())
+                lines.append(bench.ask(0x080) + bench.run(chance.choice((1, 1, 60))))
     kept(digest(lines))
 
 
