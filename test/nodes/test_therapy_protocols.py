@@ -13,17 +13,13 @@ import shutil
 import pytest
 import yaml
 from mcap.reader import make_reader
-from screw_module_msgs.msg import TherapyState, TrialResult
+from screw_module_msgs.msg import TherapyState
 from screw_module_msgs.srv import StartTherapy
+from therapy_run import therapy_run
 
-from screw_module_ros.nodes import bringup
-from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.bag import METADATA_FILE
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
-from screw_module_ros.trials.patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
-from screw_module_ros.trials.runner import GraphRun
-from screw_module_ros.trials.therapy import make_ready
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
@@ -59,30 +55,11 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def results(folder):
     """Results of the protocols, by name."""
-    extra = ["-p", "sim_rig:speed:=0.0", "-p", f"session_recorder:folder:={folder}"]
-    with (
-        GraphRun(extra=extra, composed=True) as graph,
-        Robot("therapist", watch=graph.watch, simulated=True) as robot,
-    ):  # fmt: skip
-        node = bringup.Process(
-            "therapy_session",
-            ["--ros-args", *graph.arguments("endpoint_state"), "-p", f"folder:={folder}"],
-        )
-        try:
-            robot.wait_until_ready([*graph.names, "therapy_session"])
-            player = SimulatedPlayer(robot, PEOPLE[HEALTHY])
-            make_ready(robot, Hand(robot, PEOPLE[HEALTHY].takes_hold()))
-            states, told = [], []
-            make = robot.node.create_subscription
-            make(TherapyState, "therapy/state", states.append, 50)
-            make(TrialResult, "therapy/trial", told.append, 50)
-            for name in NAMES:
-                play(robot, player, states, write_short(folder, name))
-                await_bag(robot, states, folder, name)
-            yield {name: [result for result in told if result.protocol == name] for name in NAMES}
-        finally:
-            code = node.stop()
-    assert code == 0
+    with therapy_run(folder, "-p", "sim_rig:speed:=0.0") as (robot, patient):
+        for name in NAMES:
+            play(robot, patient, write_short(folder, name))
+            await_bag(robot, patient.states, folder, name)
+    return {name: [each for each in patient.results if each.protocol == name] for name in NAMES}
 
 
 def start(robot, request):
@@ -98,20 +75,17 @@ def start(robot, request):
     assert not refused[-1], refused[-1]
 
 
-def play(robot, player, states, protocol):
+def play(robot, patient, protocol):
     """Carry out a protocol, and be its patient until it is finished."""
-    request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
-    robot.wait_until(lambda: states, 20.0, "the session is silent")
-    start(robot, request)
-    states.clear()
+    start(robot, StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True))
+    patient.states.clear()
 
     def finished():
-        player.look()
-        state = states[-1] if states else None
+        state = patient.states[-1] if patient.states else None
         assert state is None or state.state in GOOD, state.reason
         return state is not None and state.state == TherapyState.FINISHED
 
-    robot.wait_until(finished, 120.0, f"{protocol} does not come to its end")
+    patient.until(finished, 120.0, f"{protocol} does not come to its end")
 
 
 def await_bag(robot, states, folder, name):

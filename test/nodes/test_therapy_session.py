@@ -11,29 +11,20 @@ import stat
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from screw_module_msgs.msg import (
-    AssistanceChange,
-    ForceCommand,
-    TherapySlot,
-    TherapyState,
-    TrialResult,
-)
+from screw_module_msgs.msg import TherapySlot, TherapyState
 from screw_module_msgs.srv import StartTherapy
+from therapy_run import therapy_run
 
-from screw_module_ros.nodes import bringup
-from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import METADATA_FILE
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
 from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.session import State
-from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-STILL = (0.0, 0.0, 0.0)
-CENTRE = (0.0, 0.0, 0.18)
 PATIENT, OTHER = "P-7K3QX", "P-22222"
 TRIALS = 8
 
@@ -52,95 +43,38 @@ def short_protocol(folder):
     return file
 
 
-class Patient:
-    """Sees the screen and moves the virtual hand to the target that is shown."""
-
-    def __init__(self, robot):
-        self.robot = robot
-        self.states, self.results, self.changes = [], [], []
-        make = robot.node.create_subscription
-        self._subscriptions = [
-            make(TherapyState, "therapy/state", self.states.append, 50),
-            make(TrialResult, "therapy/trial", self.results.append, 50),
-            make(AssistanceChange, "therapy/assistance", self.changes.append, 50),
-        ]
-        self._seen = None
-
-    def look(self):
-        """Look at the screen once, and move."""
-        if not self.states:
-            return
-        state = self.states[-1]
-        seen = (state.trial, state.phase == TherapyState.PREPARE)
-        if state.state != TherapyState.RUNNING or seen == self._seen:
-            return
-        self._seen = seen
-        point = state.start if state.phase == TherapyState.PREPARE else state.target
-        self.robot.set_arm(arm((point.x, point.y, 0.18), 0.7, STILL, STILL))
-
-    def until(self, condition, seconds, what):
-        """Be the patient until the condition holds."""
-
-        def looked():
-            self.look()
-            return condition()
-
-        self.robot.wait_until(looked, seconds, what)
-
-    def until_state(self, wanted, seconds=90.0):
-        self.until(
-            lambda: bool(self.states) and self.states[-1].state == wanted,
-            seconds,
-            f"the session does not come to state {wanted}",
-        )
-
-
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     """A session from start to end, paused once; everything that was told, and the bag."""
     folder = tmp_path_factory.mktemp("therapy")
     protocol = str(short_protocol(folder))
     told = {"refused": []}
-    extra = ["-p", f"session_recorder:folder:={folder}"]
-    with (
-        GraphRun(extra=extra, composed=True) as graph,
-        Robot("therapist", watch=graph.watch, simulated=True) as robot,
-    ):
-        node = bringup.Process(
-            "therapy_session",
-            ["--ros-args", *graph.arguments("endpoint_state"), "-p", f"folder:={folder}"],
+    with therapy_run(folder) as (robot, patient):
+        for request in (
+            StartTherapy.Request(protocol=protocol, patient="Erika Musterfrau"),
+            StartTherapy.Request(protocol="dancing", patient=PATIENT),
+            StartTherapy.Request(protocol="/etc/passwd", patient=PATIENT),
+        ):
+            with pytest.raises(RobotError) as refused:
+                robot.ask(StartTherapy, "therapy_session/start", request)
+            told["refused"].append(str(refused.value))
+        told["bad slot"] = diagnosed_after_bad_slot(robot)
+        request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
+        robot.ask(StartTherapy, "therapy_session/start", request)
+        patient.until(lambda: len(patient.results) >= 2, 60.0, "no trial comes to its end")
+        robot.enable_plane(False)
+        patient.until_state(TherapyState.PAUSED)
+        told["paused"] = patient.states[-1].reason
+        robot.enable_plane()
+        robot.pause(0.3)
+        robot.trigger("therapy_session/resume")
+        patient.until_state(TherapyState.FINISHED)
+        told["recorded"] = patient.states[-1].recorded
+        patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
+        robot.wait_until(
+            lambda: (bag_in(folder) / METADATA_FILE).exists(), 30.0, "the bag is not closed"
         )
-        try:
-            robot.wait_until_ready([*graph.names, "therapy_session"])
-            make_ready(robot)
-            patient = Patient(robot)
-            for request in (
-                StartTherapy.Request(protocol=protocol, patient="Erika Musterfrau"),
-                StartTherapy.Request(protocol="dancing", patient=PATIENT),
-                StartTherapy.Request(protocol="/etc/passwd", patient=PATIENT),
-            ):
-                with pytest.raises(RobotError) as refused:
-                    robot.ask(StartTherapy, "therapy_session/start", request)
-                told["refused"].append(str(refused.value))
-            told["bad slot"] = diagnosed_after_bad_slot(robot)
-            request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
-            robot.ask(StartTherapy, "therapy_session/start", request)
-            patient.until(lambda: len(patient.results) >= 2, 60.0, "no trial comes to its end")
-            robot.enable_plane(False)
-            patient.until_state(TherapyState.PAUSED)
-            told["paused"] = patient.states[-1].reason
-            robot.enable_plane()
-            robot.pause(0.3)
-            robot.trigger("therapy_session/resume")
-            patient.until_state(TherapyState.FINISHED)
-            told["recorded"] = patient.states[-1].recorded
-            patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
-            robot.wait_until(
-                lambda: (bag_in(folder) / METADATA_FILE).exists(), 30.0, "the bag is not closed"
-            )
-            told["unrecorded"] = paused_without_recording(robot, patient, protocol)
-        finally:
-            told["code"] = node.stop()
+        told["unrecorded"] = paused_without_recording(robot, patient, protocol)
     told.update(states=patient.states, results=patient.results, changes=patient.changes)
     told["bag"] = bag_in(folder)
     if keep := os.environ.get("KEEP_THERAPY_BAG"):
@@ -189,22 +123,6 @@ def diagnosed_after_bad_slot(robot):
     robot.node.destroy_subscription(subscription)
     robot.node.destroy_publisher(publisher)
     return said
-
-
-def make_ready(robot):
-    robot.set_fixture("free")
-    robot.clear_faults()
-    robot.home()
-    robot.tare()
-    robot.set_fixture("human_arm")
-    robot.set_arm(
-        arm(CENTRE, 0.5, STILL, STILL, kind="active", mass=3.0, stiffness=300.0, damping=20.0)
-    )
-    robot.set_mode(ForceCommand.IMPEDANCE)
-    robot.permit()
-    robot.enable()
-    robot.enable_plane()
-    robot.pause(1.0)
 
 
 def test_every_trial_is_told_once_and_in_order(session):
@@ -293,7 +211,3 @@ def test_a_bag_is_for_its_owner_alone(session):
 def test_a_slot_that_cannot_be_is_refused_by_both_controllers(session):
     for name in ("manus", "impedance_controller"):
         assert session["bad slot"][name].startswith("therapy/slot: Slot: duration = nan")
-
-
-def test_it_ends_in_order(session):
-    assert session["code"] == 0
