@@ -10,25 +10,30 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-_NODES = (
-    "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
-    "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
-)  # fmt: skip
+_NODES = {
+    "encoder": "EncoderNode", "force_sensor": "ForceSensorNode",
+    "impedance_controller": "ImpedanceControllerNode", "amplifier": "AmplifierNode",
+    "manus": "ManusNode", "endpoint_state": "EndpointStateNode", "supervisor": "SupervisorNode",
+    "therapy_session": "TherapySessionNode", "web_bridge": "WebBridgeNode", "sim_rig": "SimRigNode",
+}  # fmt: skip
 _TRIALS = ("demo", "therapy", "soak", "bench")
 PROGRAMS = {
-    **{name: (f"nodes.{name}", "main") for name in _NODES},
+    **{name: (f"nodes.{name}", node) for name, node in _NODES.items()},
     **{name: (f"trials.{name}", name) for name in _TRIALS},
     "bringup": ("nodes.bringup", "command"),
     "robot_description": ("nodes.robot_description", "command"),
+    "module": ("nodes.module", "main"),
+    "session_recorder": ("nodes.session_recorder", "main"),
     "characterize": ("identification.live.characterize", "main"),
     "check_hardware": ("hardware.command", "main"),
     "reproduce": ("identification.reproduce", "main"),
     "session": ("session_command", "main"),
     "study": ("identification.study", "main"),
 }
-"""Name of an executable -> module below this package, function."""
+"""Name of an executable -> module below this package, function, or the class of its node."""
 
 _PACKAGE, _MESSAGES, _ROS = "screw_module_ros", "screw_module_msgs", "rclpy"
 _BUILD = "colcon build && source install/setup.bash (without ROS: make build)"
@@ -55,7 +60,10 @@ def __getattr__(name: str) -> Callable[[], Any]:
         raise AttributeError(f"no executable {name}")
     module, function = PROGRAMS[name]
     try:
-        return getattr(importlib.import_module(f"{_PACKAGE}.{module}"), function)
+        found = getattr(importlib.import_module(f"{_PACKAGE}.{module}"), function)
+        if not isinstance(found, type):
+            return found
+        return partial(importlib.import_module(f"{_PACKAGE}.nodes.support.runtime").main, found)
     except ImportError as error:
         if not (sentence := missing(error)):
             raise

@@ -28,7 +28,6 @@ from screw_module_ros.settings import Setting
 
 from .support.driver import device_values
 from .support.drives import VERTICAL, DriveNode
-from .support.runtime import main as run_node
 from .support.states import (
     Due,
     Health,
@@ -192,8 +191,3 @@ class AmplifierNode(DriveNode):
             **self.port_values(part.skipped),
         }
         return self.drive_health(values, state)
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(AmplifierNode)

@@ -16,7 +16,6 @@ from screw_module_ros.samples import EncoderReading
 
 from .support.answering import Done
 from .support.driver import SensorNode, TorqueOff
-from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health
 from .support.wire import pack_encoder
 
@@ -86,8 +85,3 @@ class EncoderNode(SensorNode):
                 level=WARN, message=f"encoder warns: {', '.join(device.warnings)}"
             )
         return health._replace(message="homed" if device.homed else "not homed: call ~/home")
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(EncoderNode)

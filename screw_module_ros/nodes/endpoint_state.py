@@ -29,7 +29,6 @@ from screw_module_ros.settings import Setting
 
 from .support.inbox import fill_stamp
 from .support.node import Node
-from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
@@ -187,8 +186,3 @@ def _fill_force(message: EndpointState, force: ForceReading | None) -> None:
     message.force_valid = force is not None
     f = message.force
     f.x, f.y, f.z = (force.fx, force.fy, force.fz) if force else (_NAN,) * 3
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(EndpointStateNode)

@@ -17,7 +17,6 @@ from screw_module_ros.settings import Setting
 
 from .support.answering import Done
 from .support.driver import SensorNode, TorqueOff
-from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health, fill_wrench
 from .support.topics import offered
 from .support.wire import pack_force
@@ -131,8 +130,3 @@ def _bias_text(bias: tuple) -> str:
     force = ", ".join(f"{x:.2f}" for x in bias[:3])
     torque = ", ".join(f"{x:.3f}" for x in bias[3:])
     return f"{force} N and {torque} Nm"
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(ForceSensorNode)

@@ -43,7 +43,6 @@ from screw_module_ros.settings import Setting
 from .support.answering import Done
 from .support.driver import RateSettings
 from .support.node import Node
-from .support.runtime import main as run_node
 from .support.states import (
     ERROR,
     OK,
@@ -366,8 +365,3 @@ class ImpedanceControllerNode(Node):
     def _age_text(self, now_ns: int) -> str:
         sample = self.part.answered
         return "never" if sample is None else f"{(now_ns - sample.monotonic_ns) * 1e-9:.4f}"
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(ImpedanceControllerNode)

@@ -26,7 +26,6 @@ from screw_module_ros.settings import Setting, SettingError, fields
 
 from .support.driver import RateSettings, device_values
 from .support.drives import PLANAR, DriveNode
-from .support.runtime import main as run_node
 from .support.states import Health, at_base, fill_plane, set_impedance
 from .support.topics import SlotInbox, offered, requested
 
@@ -218,8 +217,3 @@ class ManusNode(DriveNode):
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         return self.drive_health(values, state)
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(ManusNode)

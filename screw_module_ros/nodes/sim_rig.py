@@ -29,7 +29,6 @@ from screw_module_ros.settings import Setting
 from .support.answering import Done
 from .support.node import Node
 from .support.place import lock_simulation
-from .support.runtime import main as run_node
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered
 
@@ -281,8 +280,3 @@ class SimRigNode(Node):
 
 def _xyz(vector: Any) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(SimRigNode)

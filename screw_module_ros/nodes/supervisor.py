@@ -30,7 +30,6 @@ from screw_module_ros.settings import Setting
 from .support.answering import Done
 from .support.node import Node
 from .support.place import Kept
-from .support.runtime import main as run_node
 from .support.states import ERROR, OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
@@ -212,8 +211,3 @@ class SupervisorNode(Node):
         if message.level == SafetyState.WAITING:
             return Health(WARN, f"waiting: {reason}", values)
         return Health(OK, "motion permitted", values)
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(SupervisorNode)

@@ -42,7 +42,6 @@ from screw_module_ros.therapy.wishes import WishLimits
 from .support import topics
 from .support.node import Node
 from .support.place import below, root_folder
-from .support.runtime import main as run_node
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, result_message
@@ -296,8 +295,3 @@ class TherapySessionNode(Node):
         values |= {"trials done": len(session.results), "trials": session.trials}
         level = WARN if session.state == State.PAUSED else OK
         return Health(level, f"session {session.state.word}: {session.reason}".rstrip(": "), values)
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(TherapySessionNode)

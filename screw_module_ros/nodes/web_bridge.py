@@ -29,7 +29,6 @@ from screw_module_ros.therapy.protocol_file import protocols_for_screens
 from .bridge_gateway import BridgeGateway
 from .support.node import Node
 from .support.place import root_folder, state_folder
-from .support.runtime import main as run_node
 from .support.states import OK, Health
 
 _IDLE_S = 0.05
@@ -168,8 +167,3 @@ async def _ended(server: Server) -> None:
     for call in calls:
         call.cancel()
     await asyncio.gather(*calls, return_exceptions=True)
-
-
-def main() -> int:
-    """Console entry point."""
-    return run_node(WebBridgeNode)
