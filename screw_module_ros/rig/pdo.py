@@ -158,7 +158,6 @@ class Rpdo(_Pdo):
     """
 
     _held: bytes | None = None
-    _late = False
     deadline_ns = 0
 
     def refresh(self) -> None:
@@ -183,8 +182,7 @@ class Rpdo(_Pdo):
             device.errors.resolve(TOO_SHORT)
             device.errors.resolve(TOO_LONG)
         self.deadline_ns = now_ns + self._event_ns if self._event_ns else 0
-        if self._late:
-            self._late = False
+        if device.errors.active:
             device.connection_back(TIMEOUT)
         if self.synchronous:
             self._held = data[:size]
@@ -200,14 +198,12 @@ class Rpdo(_Pdo):
     def expire(self) -> None:
         """Report a missed deadline, once; the next frame arms the timer again."""
         self.deadline_ns = 0
-        self._late = True
         self._device.connection_lost(TIMEOUT)
 
     def disarm(self) -> None:
         """Clear the deadline and a held frame, as a reset does."""
         self.deadline_ns = 0
         self._held = None
-        self._late = False
 
     def _apply(self, data: bytes, now_ns: int) -> None:
         for sink, value in zip(self._sinks, self._struct.unpack(data), strict=True):

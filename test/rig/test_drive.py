@@ -56,6 +56,8 @@ def test_ratings_are_in_milli_units(drive):
 
 def test_a_make_limits_the_torque_by_a_share_of_its_current(make_bench):
     drive = make_bench("drive", settings=RigSettings(drive_profile="epos4"))
+    assert drive.read(1, "6072:00") == "06020000"  # it has no such object
+    assert drive.read(1, "1400:05") == "06090011"  # and no such subindex
     drive.start(1)
     assert drive.write(1, "3001:02", "C4090000") == "ok"  # 2500 of 5000 mA
     for key, value in (
