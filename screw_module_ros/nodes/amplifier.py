@@ -61,13 +61,10 @@ class AmplifierNode(DriveNode):
 
     def __init__(self) -> None:
         super().__init__("amplifier")
-        self.parameters.declare(AmplifierSettings)
-        self.parameters.declare(CalibrationSettings)
-        self.parameters.declare(LinearizationSettings)
-        self.parameters.declare(DriveSettings)
-        self.parameters.declare(TorqueLimits, "torque")
-        self.parameters.declare(CommandLimits)
-        self.parameters.declare(Screw)
+        self.parameters.declare(
+            AmplifierSettings, CalibrationSettings, LinearizationSettings, DriveSettings,
+            CommandLimits, Screw, torque=TorqueLimits,
+        )  # fmt: skip
         self._state = at_base(AmplifierState)
 
     # Lifecycle -----------------------------------------------------------------------------

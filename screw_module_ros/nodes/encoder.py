@@ -25,8 +25,7 @@ class EncoderNode(SensorNode):
 
     def __init__(self) -> None:
         super().__init__("encoder")
-        self.parameters.declare(EncoderSettings)
-        self.parameters.declare(Screw)
+        self.parameters.declare(EncoderSettings, Screw)
         self.serve(Trigger, "~/home", self._home)
 
     def connect(self) -> None:

@@ -58,10 +58,9 @@ class EndpointStateNode(Node):
 
     def __init__(self) -> None:
         super().__init__("endpoint_state")
-        self.parameters.declare(EndpointSettings)
+        self.parameters.declare(EndpointSettings, Screw)
         self._rate = RateMeter()
         self._message, self._joints = at_base(EndpointState), at_base(JointState)
-        self.parameters.declare(Screw)
 
     def connect(self) -> None:
         """Make the topics."""

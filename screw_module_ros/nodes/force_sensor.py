@@ -38,8 +38,7 @@ class ForceSensorNode(SensorNode):
 
     def __init__(self) -> None:
         super().__init__("force_sensor")
-        self.parameters.declare(ForceSensorSettings)
-        self.parameters.declare(WrenchSettings)
+        self.parameters.declare(ForceSensorSettings, WrenchSettings)
         self._gathering: list[ForceReading] | None = None  # for the service that tares
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"

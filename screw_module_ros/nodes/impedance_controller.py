@@ -100,14 +100,10 @@ class ImpedanceControllerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("impedance_controller")
-        self.parameters.declare(ControllerSettings)
-        self.parameters.declare(CalibrationSettings)
-        self.parameters.declare(CertificateSettings)
-        self.parameters.declare(RateSettings)
-        self.parameters.declare(VerticalSettings)
-        self.parameters.declare(WatchSettings, "watch")
-        self.parameters.declare(AgreementSettings, "agreement")
-        self.parameters.declare(SlotLimits, "slot")
+        self.parameters.declare(
+            ControllerSettings, CalibrationSettings, CertificateSettings, RateSettings,
+            VerticalSettings, watch=WatchSettings, agreement=AgreementSettings, slot=SlotLimits,
+        )  # fmt: skip
         self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None

@@ -55,19 +55,15 @@ class ManusNode(DriveNode):
 
     def __init__(self) -> None:
         super().__init__("manus", rate=500.0)
-        self.parameters.declare(ManusSettings)
-        self.parameters.declare(PlaneLimits)
-        self.parameters.declare(SharedSettings)
+        self.parameters.declare(
+            ManusSettings, PlaneLimits, SharedSettings, PlanarSettings, joints=JointSettings,
+            freeze=FreezeSettings, arm=PlanarArm, slot=SlotLimits,
+        )  # fmt: skip
         for joint, node_id in _JOINTS.items():
-            self.parameters.declare(
+            self.parameters.declare_with(
                 DriveSettings, joint, ("rate", *SharedSettings._fields), node_id=node_id,
                 rated_torque=10.0, max_torque=25.0, counts_per_turn=65536,
             )  # fmt: skip
-        self.parameters.declare(JointSettings, "joints")
-        self.parameters.declare(FreezeSettings, "freeze")
-        self.parameters.declare(PlanarSettings)
-        self.parameters.declare(PlanarArm, "arm")
-        self.parameters.declare(SlotLimits, "slot")
         self._state = at_base(PlanarState)
         self._latency_p99 = 0.0
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")

@@ -76,8 +76,7 @@ class SessionRecorder(Node):
 
     def __init__(self) -> None:
         super().__init__("session_recorder")
-        self.parameters.declare(RecorderSettings)
-        self.parameters.declare(StorageSettings, "storage")
+        self.parameters.declare(RecorderSettings, storage=StorageSettings)
         self._taps: Taps | None = None  # of the recording that runs
         self._last: Status | None = None
         self._folder: Path | None = None

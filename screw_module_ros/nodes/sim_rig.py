@@ -123,10 +123,9 @@ class SimRigNode(Node):
 
     def __init__(self) -> None:
         super().__init__("sim_rig")
-        self.parameters.declare(SimulationSettings)
-        self.parameters.declare(RigSettings, "devices")
+        self.parameters.declare(SimulationSettings, devices=RigSettings)
         for bus in graph.BUSES:
-            self.parameters.declare(BusSettings, f"{bus.name}.can", channel=bus.name)
+            self.parameters.declare_with(BusSettings, f"{bus.name}.can", channel=bus.name)
         self._buses: dict[BusSettings, can.BusABC] = {}
         self._slipped = 0
         self._has_told_of_loss = False

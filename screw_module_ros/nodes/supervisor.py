@@ -51,8 +51,7 @@ class SupervisorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("supervisor")
-        self.parameters.declare(SupervisorSettings)
-        self.parameters.declare(SupervisionSettings)
+        self.parameters.declare(SupervisorSettings, SupervisionSettings)
         self._message = at_base(SafetyState)
         self._kept = Kept(self.get_fully_qualified_name())
         self._saved = True

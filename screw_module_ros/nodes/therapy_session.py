@@ -70,11 +70,10 @@ class TherapySessionNode(Node):
 
     def __init__(self) -> None:
         super().__init__("therapy_session")
-        self.parameters.declare(TherapySettings)
-        self.parameters.declare(WishLimits, "wish")
-        self.parameters.declare(AssistanceLimits, "assistance")
-        self.parameters.declare(AttendanceSettings, "attendance")
-        self.parameters.declare(RecorderSettings, "recorder")
+        self.parameters.declare(
+            TherapySettings, wish=WishLimits, assistance=AssistanceLimits,
+            attendance=AttendanceSettings, recorder=RecorderSettings,
+        )  # fmt: skip
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._sent: tuple[State, str, Any] | None = None  # state, reason and phase

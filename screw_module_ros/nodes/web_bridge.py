@@ -54,9 +54,7 @@ class WebBridgeNode(Node):
 
     def __init__(self) -> None:
         super().__init__("web_bridge")
-        self.parameters.declare(BridgeSettings)
-        self.parameters.declare(Listening)
-        self.parameters.declare(Limits, "limits")
+        self.parameters.declare(BridgeSettings, Listening, limits=Limits)
 
     # Lifecycle -----------------------------------------------------------------------------
 

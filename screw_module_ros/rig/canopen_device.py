@@ -139,7 +139,7 @@ class CanopenDevice(SimulatedDevice):
         del self._deadlines_ns[node_id]
         self._lost.add(node_id)
         self.connection_lost(HEARTBEAT_LOST)
-        fallback = _STATE_AFTER_LOSS.get(self.node.optional(0x1029, 1, 1))
+        fallback = _STATE_AFTER_LOSS.get(self.node.value(0x1029, 1))
         if self.operational and fallback is not None:
             self._enter(fallback)
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from canopen.objectdictionary import (
@@ -26,7 +27,6 @@ from canopen.objectdictionary import (
     UNSIGNED16,
     UNSIGNED32,
 )
-from canopen.sdo.exceptions import SdoAbortedError
 
 from screw_module_ros.rig.object_dictionary import (
     INVALID_VALUE,
@@ -216,13 +216,7 @@ def _source(node: ObjectDictionary, key: Key) -> Callable[[], int]:
 
 
 def _sink(node: ObjectDictionary, key: Key) -> Callable[[int], None]:
-    def store(value: int) -> None:
-        try:
-            node.set_data(*key, node.variable(*key).encode_raw(value))
-        except SdoAbortedError:
-            pass  # the device ignores a refused value: a PDO has no answer
-
-    return node.sinks.get(key) or store
+    return node.sinks.get(key) or partial(node.put, *key)  # no object but the dummies lacks one
 
 
 def check_pdo_write(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:

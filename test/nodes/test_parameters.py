@@ -49,7 +49,7 @@ def make():
         parameters = Parameters(
             node, changes.append, lambda kind: bool(configured), lambda given: ""
         )
-        parameters.declare(Spring, "spring")
+        parameters.declare(spring=Spring)
         return Made(parameters, node, changes, configured)
 
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -186,6 +186,6 @@ def test_a_name_is_one_parameter_for_all_records_that_have_it(make):
         stiffness: Annotated[float, Setting("another text", "N/m", 0.0, 1e6)] = 7.0
 
     made = make("spring.stiffness:=250.0")
-    made.parameters.declare(Device, "spring")
+    made.parameters.declare(spring=Device)
     assert made.parameters.read(Device, "spring") == Device(250.0)
     assert made.node.describe_parameter("spring.stiffness").description.startswith("spring [N/m]")

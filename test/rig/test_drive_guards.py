@@ -119,13 +119,33 @@ def test_an_rpdo_after_its_deadline_clears_the_error_when_there_is_no_fault(torq
     assert drive.ask(0x201, ENABLE) == [(0x081, "00 00 00 00 00 00 00 00")]
 
 
-def test_a_make_may_have_its_deadline_from_power_on(make_bench, tmp_path):
-    file = tmp_path / "make.yaml"
-    file.write_text(
-        resource_path("params/devices/generic_402.yaml").read_text()
-        + 'objects: {"1400:05": {value: 20}}'
+@pytest.fixture
+def make_of(make_bench, tmp_path):
+    """Return a maker of drives that differ from the standard in these objects (YAML)."""
+    def make(objects: str):
+        file = tmp_path / "make.yaml"
+        standard = resource_path("params/devices/generic_402.yaml").read_text()
+        file.write_text(f"{standard}objects: {{{objects}}}")
+        return make_bench("drive", settings=RigSettings(drive_profile=str(file)))
+
+    return make
+
+
+def test_a_make_may_have_objects_of_its_own(make_of):
+    drive = make_of(
+        '"2000": {size: 1, value: 7}, "2001": {size: 2, value: 0x1234, read_only: true}, '
+        '"2002:01": {size: 4, value: 5, per_node: true}, "2003": {size: 2}, "6087": {absent: true}'
     )
-    drive = make_bench("drive", settings=RigSettings(drive_profile=str(file)))
+    assert [drive.read(1, key) for key in ("2000:00", "2001:00", "2002:01")] == [
+        "07", "3412", "06000000"
+    ]  # fmt: skip
+    assert drive.write(1, "2001:00", "0000") == "06010002"
+    assert drive.read(1, "2003:00") == "060a0023"  # nothing was ever stored there
+    assert drive.read(1, "6087:00") == "06020000"
+
+
+def test_a_make_may_have_its_deadline_from_power_on(make_of):
+    drive = make_of('"1400:05": {value: 20}')
     drive.silence(1)
     drive.start(1)
     assert drive.run(100) == []  # a frame arms it

@@ -46,6 +46,12 @@ def test_a_read_only_object_cannot_be_received(drive):
     drive.write(1, "1600:00", "00")
     assert drive.write(1, "1600:01", "10004160") == "06040041"
     assert drive.write(1, "1600:01", "10000600") == "ok"  # a dummy of 16 bits
+    assert drive.write(1, "1600:02", "10004060") == "ok"
+    assert drive.write(1, "1600:00", "02") == "ok"
+    drive.write(1, "1400:01", "01020000")
+    drive.start(1)
+    drive.ask(0x201, "FF FF 06 00")
+    assert drive.read(1, "6041:00") == "3102"  # ready to switch on: the rest counts
 
 
 @pytest.mark.parametrize("cob_id", ["00000000", "01060000", "01070000", "81010020"])

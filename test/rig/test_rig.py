@@ -92,6 +92,15 @@ def test_in_steps_a_command_acts_its_latency_after_the_sync(make_bench, world, l
     assert acted[0] == pytest.approx(latency)
 
 
+def test_a_reader_gets_a_world_of_a_quarter_of_a_millisecond_ago(world):
+    physics = Physics(world, False, MS, 0)
+    physics.advance(MS)
+    physics.look(MS + 249_999)
+    assert world.steps == []
+    physics.look(MS + 250_000)
+    assert world.steps == pytest.approx([250e-6])
+
+
 def test_a_command_acts_as_soon_as_its_latency_is_over(world):
     physics, said = Physics(world, True, MS, MS), []
     physics.advance(MS)
@@ -264,7 +273,7 @@ def test_close_lets_go_of_the_motors(torque_drive):
     for rpdo in ("06 00 00 00", "07 00 00 00", "0F 00 F4 01"):
         torque_drive.ask(0x201, rpdo)
     torque_drive.rig.close()
-    assert not torque_drive.world.vertical_powered
+    assert not torque_drive.world.vertical_powered and not torque_drive.world.vertical_braked
     assert torque_drive.ask(0x601, "40 00 10 00 00 00 00 00") == []
 
 

@@ -71,9 +71,8 @@ class CharacterizeNode(Node):
 
     def __init__(self) -> None:
         super().__init__("characterize")
-        self.parameters.declare(ResultsSettings)
-        self.parameters.declare(BusSettings, "can", channel=graph.bus_of("encoder"))
-        self.parameters.declare(RigBusSettings)
+        self.parameters.declare(ResultsSettings, RigBusSettings)
+        self.parameters.declare_with(BusSettings, "can", channel=graph.bus_of("encoder"))
         self._robot: Robot | None = None  # of the experiment's thread
         self._leaving = threading.Event()
         self._confirmed = threading.Event()

@@ -48,8 +48,8 @@ class DriverNode(Node):
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name)
-        self.parameters.declare(BusSettings, "can", channel=graph.bus_of(name))
-        self.parameters.declare(RateSettings, rate=rate)
+        self.parameters.declare_with(BusSettings, "can", channel=graph.bus_of(name))
+        self.parameters.declare_with(RateSettings, rate=rate)
         self.bus_load = 0.0
 
     # For subclasses ------------------------------------------------------------------------

@@ -36,7 +36,7 @@ class DriveNode(DriverNode):
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name, rate)
-        self.parameters.declare(PermitSettings, "gate")
+        self.parameters.declare(gate=PermitSettings)
         self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
         self._enabling = self.serve(SetBool, "~/enable", self._enable)
         self.serve(

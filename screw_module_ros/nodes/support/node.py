@@ -70,8 +70,7 @@ class Node(LifecycleNode):
         self._inboxes: list[Inbox] = []
         self._topics: list[Outlet | Senders] = []  # that are closed with the topics
         self.parameters = Parameters(self, self.changed, self.fixed, self.refusal)
-        self.parameters.declare(StartSettings)
-        self.parameters.declare(RealtimeSettings, "realtime")
+        self.parameters.declare(StartSettings, realtime=RealtimeSettings)
         self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
         self.periodic.every(self.clock, 1.0, self.publish_health)
         self.service = ServiceThread(self, self.periodic)

@@ -48,7 +48,14 @@ class Parameters:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
-    def declare(
+    def declare(self, *kinds: type, **prefixed: type) -> None:
+        """Declare settings: `kinds` by the names of their fields, the others below a prefix."""
+        for kind in kinds:
+            self.declare_with(kind)
+        for prefix, kind in prefixed.items():
+            self.declare_with(kind, prefix)
+
+    def declare_with(
         self, kind: type, prefix: str = "", without: tuple[str, ...] = (), **defaults: Any
     ) -> None:
         """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
