@@ -120,17 +120,17 @@ def noted_declarations() -> Iterator[list[tuple[type, str, dict]]]:
     from screw_module_ros.nodes.support.parameters import Parameters
 
     declared: list[tuple[type, str, dict]] = []
-    declare = Parameters.declare
+    declare = Parameters.declare_with
 
     def noted(self, kind, prefix="", without=(), **defaults):
         declared.append((kind, prefix, dict(defaults, without=without)))
         declare(self, kind, prefix, without, **defaults)
 
-    Parameters.declare = noted
+    Parameters.declare_with = noted
     try:
         yield declared
     finally:
-        Parameters.declare = declare
+        Parameters.declare_with = declare
 
 
 def parameters_of(declared: list[tuple[type, str, dict]]) -> str:
