@@ -97,6 +97,10 @@ def test_heartbeat_shows_the_state_at_its_period(encoder):
     encoder.silence(2)
     encoder.start(2)
     assert encoder.run(1) == [(0x702, "05")]
+    encoder.now_ns += 170_000_000  # a stall: those that were missed are not sent, the next is due
+    assert encoder.run(0) == [(0x702, "05")]
+    assert encoder.run(29) == []
+    assert encoder.run(1) == [(0x702, "05")]
     encoder.write(2, "1017:00", "0000")
     assert encoder.run(200) == []
 
