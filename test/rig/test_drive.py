@@ -31,7 +31,9 @@ def test_target_torque_is_per_mille_of_rated_and_becomes_amperes(torque_drive):
     assert drive.world.vertical_command == pytest.approx(1.3125)
     drive.ask(0x201, "0F 00 0C FE")  # -500
     assert drive.world.vertical_command == pytest.approx(-1.3125)
-    assert (drive.read(1, "6040:00"), drive.read(1, "6071:00")) == ("0f00", "0cfe")
+    assert drive.read(1, "6040:00") == "0f00"
+    assert drive.read(1, "6071:00") == drive.read(1, "6074:00") == "0cfe"
+    assert drive.read(1, "6060:00") == drive.read(1, "6061:00") == "0a"
 
 
 def test_actual_torque_and_current_are_reported_per_mille(torque_drive):
