@@ -106,6 +106,10 @@ class Physics:
         self.look(now_ns)
 
 
+RELEASED = (0.0, False, False)
+"""Of a motor: no torque [Nm], not powered, not braked."""
+
+
 class Axis:
     """One motor of the plant and its position feedback.
 
@@ -116,7 +120,7 @@ class Axis:
         self._physics = physics
         self._world = physics.world
         self._factor = factor
-        self._driven = (0.0, False, False)
+        self._driven = RELEASED
 
     def position(self) -> int:
         """Return the position feedback [counts]."""

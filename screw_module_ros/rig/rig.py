@@ -24,7 +24,7 @@ from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.device import CLEAR
 from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import catalogue
-from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.physics import RELEASED, Physics
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import shown, validated
 
@@ -248,7 +248,7 @@ class Rig:
         for device in self.devices.values():
             device.link.listen({})
             if isinstance(device, SimulatedDrive):
-                device.axis.drive(0.0, False, False)
+                device.axis.drive(*RELEASED)
 
     # Inside.
 

@@ -186,6 +186,20 @@ def test_what_any_frame_is_answered_with(make_bench, device, kept):
     kept(digest(lines))
 
 
+@pytest.mark.parametrize("fault", [fault for fault in FORCE_SENSOR if fault not in CABLE])
+def test_the_net_sensor_while_a_fault_lasts_and_after_it(make_bench, fault, kept):
+    bench = made(make_bench, "force_sensor", sensor_profile="ati_net")
+
+    def frames() -> list:
+        return [bench.ask(0x120, "02") + bench.run(1) for _ in range(40)]
+
+    lines = frames()
+    bench.rig.inject("force_sensor", fault, 0.0, 0.0, bench.now_ns)
+    lines += frames()
+    bench.rig.inject("force_sensor", "clear", 0.0, 0.0, bench.now_ns)
+    kept(digest(lines + frames()))
+
+
 @pytest.mark.parametrize("make", NAMES)
 def test_every_make_at_work_and_what_its_objects_say(make_bench, make, kept):
     device, setting = {

@@ -187,6 +187,13 @@ def timers(make_bench, monkeypatch):
     return looked
 
 
+def test_a_bus_without_a_descriptor_is_looked_at_now_and_then(make_bench):
+    clock = RealTime(MS)
+    turns = iter(range(5))
+    make_bench("encoder", booted=False, clock=clock).rig.run(lambda: next(turns) == 4)
+    assert clock.time_ns == MS + 4 * 200_000
+
+
 @pytest.mark.parametrize(("period_ns", "looks_us"), [
     (MS, [1000, 1600, 2600, 3600]),
     (4 * MS, [1000, 1600, 2600, 3600]),
