@@ -78,11 +78,8 @@ class SimulatedDrive(CanopenDevice):
         self.settings = settings
         self.axis = axis
         self.machine = cia402.StateMachine(lambda index: self.node.optional(index, 0, 0))
-        self.error_code = 0
         self._shift = 0
         self._physics = physics
-        self._controlword = self._target = self._torque_offset = self._mode = 0
-        self._demand = 0.0
         self._ramped_ns = self._stop_ns = 0
         self._still = self._last_position = 0
         self._wire_objects()

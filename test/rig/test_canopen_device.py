@@ -134,6 +134,10 @@ def test_one_node_cannot_be_watched_twice(encoder):
     assert encoder.write(2, "1016:01", "64007000") == "ok"
     assert encoder.write(2, "1016:02", "C8007000") == "06040043"
     assert encoder.write(2, "1016:02", "C8007100") == "ok"
+    assert encoder.write(2, "1016:01", "0A008000") == "ok"  # 128 is no node
+    encoder.silence(2)
+    encoder.start(2)
+    assert encoder.ask(0x780, "05") + encoder.run(30) == []
 
 
 def test_reset_forgets_the_configuration_and_boots(encoder):

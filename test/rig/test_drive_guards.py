@@ -154,6 +154,17 @@ def test_a_make_may_have_its_deadline_from_power_on(make_of):
     assert drive.run(1) == [(0x081, "50 82 11 00 00 00 00 00")]
 
 
+def test_a_make_may_have_its_deadline_in_periods_of_sync(make_bench):
+    drive = make_bench("drive", settings=RigSettings(drive_profile="elmo_gold"))
+    drive.silence(1)
+    assert drive.write(1, "1006:00", "88130000") == "ok"  # 5 ms
+    assert drive.write(1, "2F75:00", "0400") == "ok"
+    drive.start(1)
+    drive.ask(0x201, "06 00")
+    assert drive.run(19) == []
+    assert drive.run(1) == [(0x081, "50 82 11 00 00 00 00 00")]
+
+
 def test_fault_reaction_brakes_when_told_so(torque_drive):
     drive = torque_drive
     drive.write(1, "605E:00", "0200")

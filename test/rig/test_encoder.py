@@ -54,6 +54,9 @@ def test_direction_bit_reverses(streaming):
     streaming.world.encoder_count = 250
     assert position(streaming) == PHYSICAL_RANGE - 250
     assert streaming.read(2, "6500:00") == "0100"
+    streaming.ask(0x000, "81 02")
+    streaming.run(30)
+    assert streaming.read(2, "6500:00") == "0000"
 
 
 def test_preset_sets_the_position_and_its_offset(streaming):
