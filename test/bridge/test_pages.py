@@ -162,9 +162,9 @@ def open_page(browser):
 
 
 SCENES = [
-    ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move to the orange diamond"),
-    ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Take the elevator to the marked floor"),
-    ("reach_3d", {"x": 0.1, "y": 0.1, "z": 0.26}, "space", "Move to the orange diamond"),
+    ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move the blue hand to the orange"),
+    ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Lift the elevator to the person"),
+    ("reach_3d", {"x": 0.1, "y": 0.1, "z": 0.26}, "space", "Move the blue hand to the orange"),
 ]
 
 
@@ -178,6 +178,7 @@ def test_each_protocol_has_its_picture(serving, open_page, protocol, target, sce
     given.until_text(page, task)
     given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
     given.until_text(page, "The therapist goes on in a moment")
+    assert page.locator("#sign").is_visible()
 
 
 def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
@@ -211,6 +212,43 @@ def test_a_session_that_follows_another_at_once_has_its_own_picture(serving, ope
     given.state = {**given.state, "state": FINISHED, "trial": 9, "phase": 0}
     given.until_text(page, "Finished. Thank you!")
     assert "targets reached" not in page.inner_text("#veil")
+
+
+@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
+def test_a_flower_opens_unless_little_motion_is_wanted(serving, open_page, motion):
+    given = serving()
+    page = open_page(given, "patient")
+    page.emulate_media(reduced_motion=motion)
+    given.state = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1}
+    given.robot.hand = {"x": 0, "y": 0.14, "z": 0.18}
+    given.until_text(page, "Move the blue hand")
+    page.evaluate("""async () => {
+        const canvas = document.querySelector("#picture"), shown = new Set();
+        const next = () => new Promise((resolve) => requestAnimationFrame(resolve));
+        window.shown = (async () => {
+            while (!document.body.innerText.includes("Well done")) await next();
+            for (let i = 0; i < 45; i++, await next()) shown.add(canvas.toDataURL());
+            window.pictures = shown.size;
+        })();
+        return null;
+    }""")
+    given.state = {**given.state, "phase": REACHED}
+    given.until(page, "window.pictures")
+    assert (page.evaluate("window.pictures") == 1) == (motion == "reduce")
+
+
+def test_the_screen_shows_the_hand_that_was_chosen(serving, open_page):
+    given = serving()
+    page = open_page(given, "patient")
+    given.until_text(page, "Pick fruit")
+    right = page.evaluate("document.querySelector('#free canvas').toDataURL()")
+    page.get_by_role("button", name="Hand: right").click()
+    page.get_by_role("button", name="Hand: left").wait_for()
+    assert page.evaluate("document.querySelector('#free canvas').toDataURL()") != right
+    page.reload()
+    page.get_by_role("button", name="Hand: left").wait_for()
+    other = open_page(given, "patient")  # the next patient's
+    other.get_by_role("button", name="Hand: right").wait_for()
 
 
 def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):

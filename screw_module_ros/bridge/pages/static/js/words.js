@@ -26,47 +26,51 @@ export function failure({ cause, message }) {
 
 export const SCREEN = {
   picture: "Where the hand is and where it is to go",
+  progress: "Movements done",
+  hands: { left: "Hand: left", right: "Hand: right" },
   back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
   menu: "What shall we do?", hint: "The therapist starts the exercises; until then you can play.",
   fruit: "Pick fruit", free: "Move freely", start: "start",
 };
 const WAITING = "One moment …";
+const FOR_ROBOT = "Waiting for the robot";
 const ASK_THERAPIST = "Your therapist knows what to do";
 
 const TASKS = {
-  reach: "Move to the orange diamond", circle: "Draw circles along the orange line",
-  hold: "Hold your hand still", resisted: "Stay at the orange diamond",
+  reach: "Move the blue hand to the orange diamond", circle: "Draw circles along the orange line",
+  hold: "Hold your hand still", resisted: "Keep the blue hand on the orange diamond",
   strength: "Push in the direction of the arrow",
 };
 
 // What to do now in a session.
 export function task(state) {
-  if (state.phase === PREPARE) return "The robot brings your hand to the start";
+  if (state.phase === PREPARE) return "Relax: the robot brings your hand to the start";
   if (state.phase === REACHED) return "Well done";
   const lift = state.kind === "reach" && state.start.z !== state.target.z
     && state.start.x === state.target.x && state.start.y === state.target.y;
-  const words = lift ? "Take the elevator to the marked floor" : TASKS[state.kind] ?? "";
+  const way = state.target?.z > state.start?.z ? "Lift" : "Lower";
+  const words = lift ? `${way} the elevator to the person` : TASKS[state.kind] ?? "";
   if (state.phase === OVER_TIME) return `${words}: take your time`;
   return state.phase === WAIT || state.phase === MOVING ? words : "";
 }
 
-// What covers the picture, [title, more]; null when nothing does.
+// What covers the picture, [sign, title, more]; null when nothing does. sign: a picture of `scenes`.
 export function veil({
   sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
 }) {
-  if (!isOpen) return [WAITING, sentence || "Connecting to the robot"];
-  if (!isHeard) return [WAITING, "The robot does not tell anything yet"];
+  if (!isOpen) return ["lost", WAITING, sentence || "Connecting to the robot"];
+  if (!isHeard) return ["wait", FOR_ROBOT, "It does not tell anything yet"];
   const isOn = isUnderWay(state);
-  if (isOn && !isTold) return [WAITING, "The exercise has stopped"];
-  if (safety === SAFETY_STOPPED) return ["The robot has stopped", ASK_THERAPIST];
-  if (safety !== SAFETY_OK) return ["The robot rests", ASK_THERAPIST];
-  if (state?.state === STARTING) return [WAITING, "The exercise is about to begin"];
-  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
+  if (isOn && !isTold) return ["wait", WAITING, "The exercise has stopped"];
+  if (safety === SAFETY_STOPPED) return ["stop", "The robot has stopped", ASK_THERAPIST];
+  if (safety !== SAFETY_OK) return ["wait", FOR_ROBOT, ASK_THERAPIST];
+  if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
+  if (state?.state === PAUSED) return ["pause", "Pause", "The therapist goes on in a moment"];
   if (state?.state === FINISHED) {
     const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
-    return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
+    return ["flowers", "Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
   }
-  if (state?.state === ABORTED) return ["The exercise has ended", ""];
+  if (state?.state === ABORTED) return ["done", "The exercise has ended", ""];
   return null;
 }
 
@@ -78,8 +82,8 @@ const SEASONS = ["Spring", "Summer", "Autumn", "Winter"];
 
 // The line above the game; streak: fruit picked without a pause, 0 while it is too short to count.
 export function gameLine({ score, picked, basket, streak }) {
-  if (!picked) return "Move the blue disc to the fruit";
-  const row = streak ? ` · ${streak} in a row, +1 each` : "";
+  if (!picked) return "Move the blue hand to the fruit";
+  const row = streak ? ` · ${streak} in a row` : "";
   return `${score} points · ${SEASONS[basket % SEASONS.length]}, basket ${basket + 1}${row}`;
 }
 
