@@ -384,6 +384,50 @@ def test_results_come_into_the_table(serving, open_page):
     given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
 
 
+LIVE = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 41, "trials": 1024}
+
+
+@pytest.mark.parametrize(("state", "safety", "word"), [
+    (LIVE, 0, "Running"),
+    ({**LIVE, "state": PAUSED, "reason": "the therapist paused it"}, 0, "Paused"),
+    ({**LIVE, "state": PAUSED, "reason": "the vertical torque is off"}, 2, "Stopped"),
+    ({**LIVE, "state": FINISHED, "trial": 1024}, 0, "Finished"),
+], ids=["live", "paused", "stopped", "finished"])  # fmt: skip
+def test_a_session_is_seen_on_one_screen(serving, open_page, state, safety, word):
+    given = serving()
+    page = open_page(given, "therapist", size=(1280, 720))
+    given.until_text(page, "The robot is ready")
+    for trial in range(1, 42):
+        given.robot.finish(trial)
+    why = "less time, as the hand led (metric +0.100); softer side walls, as it kept to the line"
+    given.robot.tell("/therapy/assistance", {
+        "block": 1, "circuit": 1, "duration": 1.35, "side_stiffness": 90.0, "reason": why,
+    })  # fmt: skip
+    given.state = state
+    given.until_text(page, why)
+    given.robot.tell("/safety_state", {"level": safety, "reasons": ["emergency stop"]})
+    page.get_by_text(word, exact=False).and_(page.locator(".badge")).wait_for()
+    last = ".results tbody tr >> nth=9"
+    for seen in (".stop", ".session", ".hand", ".traces", last, ".changes li"):
+        box = page.locator(seen).first.bounding_box()
+        assert box["y"] >= 0 and box["y"] + box["height"] <= 720, seen
+    assert page.evaluate("document.documentElement.scrollHeight") == 720
+    now = "Now: 1.40 s, side walls 100 N/m"
+    assert (now in page.inner_text(".results")) == (word != "Finished")
+
+
+def test_traces_are_told_apart_without_colour(serving, open_page):
+    given = serving()
+    page = open_page(given, "therapist")
+    given.until_text(page, "Position [cm]")
+    given.until_text(page, "Force of the patient on the robot [N]")
+    keys = page.evaluate(
+        "[...document.querySelectorAll('.keys span')].map((each) =>"
+        " [each.innerText, getComputedStyle(each, '::before').borderTopStyle])"
+    )
+    assert keys == [["x right", "solid"], ["y away", "dashed"], ["z up", "dotted"]]
+
+
 @pytest.mark.parametrize("size", [(390, 844), (1180, 820), (1920, 1080), (3840, 2160)])
 @pytest.mark.parametrize("robots", [("/",), ("/left", "/right")], ids=["one", "two"])
 def test_every_column_of_the_movements_is_seen(serving, open_page, size, robots):

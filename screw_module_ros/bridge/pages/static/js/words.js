@@ -103,22 +103,22 @@ export const PAGE = {
   write: "Write down, elsewhere, whose pseudonym this is.",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
   limits: "Limits", unknown: "Not known yet.",
-  hand: "Hand", above: "From above: away from the patient is up",
-  side: "From the side: away from the patient is right", traces: "Traces",
-  position: "Position [cm] over time [s]", force: "Force of the patient on the robot [N] over time [s]",
+  hand: "Hand (arrow: its force)", above: "From above: far is up",
+  side: "From the side: far is right", traces: "Over time [s]",
+  position: "Position [cm]", force: "Force of the patient on the robot [N]",
   axes: ["x right", "y away", "z up"],
   results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
-  assistance: "Assistance", noChange: "No change yet.",
+  assistance: "Assistance", changes: "Changes of the assistance", noChange: "No change yet.",
 };
 
 export const LIMITS = {
-  "assistance.stiffness": "Stiffest wall of the next session", "wish.half_width": "Workspace, left and right",
+  "assistance.stiffness": "Stiffest wall, next session", "wish.half_width": "Workspace, left and right",
   "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
-  "wish.high": "Workspace, greatest height", "wish.speed": "Speed of what a game wishes",
+  "wish.high": "Workspace, greatest height", "wish.speed": "Greatest speed of games",
 };
 
-export function robotTitle(robot, robots) {
-  return robots.length > 1 ? `Robot ${robot.slice(1)}` : "Robot";
+export function robotTitle(robot) {
+  return `Robot ${robot.slice(1)}`;
 }
 
 export function stopFailed(why) {
@@ -152,6 +152,13 @@ export function resultSentence(patient, reaches, alone) {
 
 function counted(reaches) {
   return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
+}
+
+// The assistance in use now.
+export function assistanceSentence(state) {
+  if (!isUnderWay(state)) return "";
+  const { assisted, duration, side_stiffness: side } = state;
+  return assisted ? `Now: ${duration.toFixed(2)} s, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
 }
 
 export function changeSentence({ block, circuit, duration, side, reason }) {
@@ -188,6 +195,18 @@ export function sessionSentence(state, protocols) {
     default:
       return "No session.";
   }
+}
+
+const BADGES = {
+  [RUNNING]: ["▶\ufe0e Running", "running"], [STARTING]: ["… Starting", "paused"],
+  [PAUSED]: ["❚❚ Paused", "paused"], [FINISHED]: ["✓ Finished", ""], [ABORTED]: ["✕ Ended", ""],
+};
+
+// The state at a glance, [sign and word, its kind].
+export function badge(state, safety) {
+  if (safety?.level === SAFETY_STOPPED) return ["■ Stopped", "stopped"];
+  if (safety?.level !== SAFETY_OK) return ["… Waiting", "paused"];
+  return BADGES[state?.state] ?? ["○ No session", ""];
 }
 
 // What to do after a stop. Only an operator resets it: no page has that right.
