@@ -283,6 +283,29 @@ def test_a_target_blooms_where_it_was_reached_and_once_for_each_movement(result_
     """) == [2, 1, 0]
 
 
+@pytest.mark.parametrize(("space", "colour"), [
+    ("plane", "#cc79a7"), ("space", "#cc79a7"), ("vertical", "#f0e442"),
+])  # fmt: skip
+def test_a_target_that_was_reached_makes_the_picture_richer(result_of, space, colour):
+    protocol = json.dumps({"centre": [0, 0, 0.18], "targets": [[0.1, 0.1, 0.18]]})
+    assert result_of(DRAWN + f"""
+        const seen = new Count();
+        const state = {{ kind: "reach", phase: 3, state: 1, trial: 1,
+          start: {{ x: 0, y: 0, z: 0.18 }}, target: {{ x: 0.1, y: 0.1, z: 0.18 }} }};
+        const reached = () => {{
+          calls = [];
+          SCENES["{space}"](picture, {{ hand: {{ z: null }}, seen, bloom: 1, side: "right",
+            state: {{ ...state, phase: 1 }}, protocol: {protocol} }});
+          return calls.filter((each) => each.join() === "fillStyle,{colour}").length;
+        }};
+        const result = [reached()];
+        seen.take({{ ...state, phase: 5 }}, state, false);
+        result.push(reached());
+        seen.take({{ ...state, phase: 5, trial: 2 }}, state, false);
+        result.push(seen.times(state.target));
+    """) == [0, 1 if space == "vertical" else 6, 2]
+
+
 @pytest.mark.parametrize("is_still", ["true", "false"])
 def test_fruit_keeps_still_for_who_wants_little_motion(result_of, is_still):
     assert result_of(DRAWN + f"""

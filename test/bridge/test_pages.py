@@ -267,6 +267,8 @@ def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     page.get_by_role("button", name="Sound: on").wait_for()
     page.get_by_role("button", name="Back").click()
     given.until_text(page, "What shall we do?")
+    page.get_by_role("button", name="Move freely").click()
+    given.until_text(page, "Move the blue hand wherever you like")
 
 
 def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until):
@@ -412,7 +414,7 @@ def test_a_session_is_seen_on_one_screen(serving, open_page, state, safety, word
         box = page.locator(seen).first.bounding_box()
         assert box["y"] >= 0 and box["y"] + box["height"] <= 720, seen
     assert page.evaluate("document.documentElement.scrollHeight") == 720
-    now = "Now: 1.40 s, side walls 100 N/m"
+    now = "Now: 1.40 s a movement, side walls 100 N/m"
     assert (now in page.inner_text(".results")) == (word != "Finished")
 
 

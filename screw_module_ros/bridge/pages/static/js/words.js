@@ -29,8 +29,8 @@ export const SCREEN = {
   progress: "Movements done",
   hands: { left: "Hand: left", right: "Hand: right" },
   back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
-  menu: "What shall we do?", hint: "The therapist starts the exercises; until then you can play.",
-  fruit: "Pick fruit", free: "Move freely", start: "start",
+  menu: "What shall we do?", hint: "Touch a picture to play. The therapist starts the exercises.",
+  fruit: "Pick fruit", free: "Move freely", freely: "Move the blue hand wherever you like", start: "start",
 };
 const WAITING = "One moment …";
 const FOR_ROBOT = "Waiting for the robot";
@@ -104,7 +104,7 @@ export const PAGE = {
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
   limits: "Limits", unknown: "Not known yet.",
   hand: "Hand (arrow: its force)", above: "From above: far is up",
-  side: "From the side: far is right", traces: "Over time [s]",
+  side: "From the side: far is right", traces: "Traces, time [s]",
   position: "Position [cm]", force: "Force of the patient on the robot [N]",
   axes: ["x right", "y away", "z up"],
   results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
@@ -158,7 +158,7 @@ function counted(reaches) {
 export function assistanceSentence(state) {
   if (!isUnderWay(state)) return "";
   const { assisted, duration, side_stiffness: side } = state;
-  return assisted ? `Now: ${duration.toFixed(2)} s, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
+  return assisted ? `Now: ${duration.toFixed(2)} s a movement, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
 }
 
 export function changeSentence({ block, circuit, duration, side, reason }) {
@@ -193,7 +193,7 @@ export function sessionSentence(state, protocols) {
     case ABORTED:
       return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
     default:
-      return "No session.";
+      return "Press New for a pseudonym, choose a protocol, press Start.";
   }
 }
 

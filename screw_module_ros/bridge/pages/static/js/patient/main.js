@@ -192,7 +192,7 @@ function showWords(inSession, isHeard, isTold) {
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
-  say($("task"), running && !over ? task(world.state) : "");
+  say($("task"), over ? "" : running ? task(world.state) : play === "free" ? SCREEN.freely : "");
   $("progress").hidden = !running;
   if (running) {
     const share = (100 * (world.state.trial - 1)) / Math.max(world.state.trials, 1);

@@ -12,6 +12,10 @@ import { OVER_TIME, PREPARE, REACHED, targetsOf } from "../link.js";
 import { camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
 import { SCREEN } from "../words.js";
 
+function asPoint([x, y, z] = [0, 0, 0]) {
+  return { x, y, z };
+}
+
 // A place for a target: a bud, or a flower that has opened as often as the target was reached.
 function drawPlace(ctx, x, y, radius, times) {
   if (times) drawFlower(ctx, x, y, radius, times);
@@ -29,10 +33,9 @@ function drawClock({ ctx, width, height }, world) {
   const place = (p) => [width / 2 + scale * p.x, 0.56 * height - scale * p.y];
   const { state, hand, protocol, seen: count, bloom } = world;
   const radius = Math.max(LEAST, scale * (state.hit_radius || 0.01), BIG * scale);
-  const middle = { x: 0, y: 0 };
+  const [middle, ...places] = [protocol?.centre, ...targetsOf(protocol, state)].map(asPoint);
   const [cx, cy] = place(middle);
   disc(ctx, cx, cy, 0.185 * scale, "#ffffff", LINE, 4);
-  const places = targetsOf(protocol, state).map(([x, y]) => ({ x, y }));
   for (const each of places) line(ctx, cx, cy, ...place(each), count.times(each) ? GREEN : LINE, 0.004 * scale);
   for (const each of [...places, middle]) drawPlace(ctx, ...place(each), radius, count.times(each));
   const isReached = state.phase === REACHED;
@@ -170,11 +173,11 @@ export function drawSpace({ ctx, width, height }, world) {
   const view = camera(width, height);
   const { state, hand, protocol, seen: count, bloom, side } = world;
   drawFloor(ctx, view, "#ffffff", "#e3e0d6");
-  const places = targetsOf(protocol, state).map(([x, y, z]) => ({ x, y, z }));
+  const places = targetsOf(protocol, state).map(asPoint);
   places.sort((one, other) => other.y - one.y); // what is far away first
   for (const each of places) {
     const { x, y, scale } = seen(view, [each.x, each.y, each.z]);
-    drawPlace(ctx, x, y, 0.55 * RADIUS * scale, count.times(each));
+    drawPlace(ctx, x, y, 0.7 * RADIUS * scale, count.times(each));
   }
   const goal = state.phase === PREPARE ? state.start : state.target;
   const isReached = state.phase === REACHED;

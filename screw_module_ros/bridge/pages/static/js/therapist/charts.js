@@ -9,7 +9,7 @@ import { isUnderWay, targetsOf } from "../link.js";
 import { PAGE } from "../words.js";
 
 const TRAIL = 240; // points
-const PER_NEWTON = 0.002; // length of the force's arrow [m/N]
+const PER_NEWTON = 0.005; // length of the force's arrow [m/N]
 const VIEWS = [
   { title: PAGE.above, of: ({ x, y }) => [x, y], low: [-0.2, -0.2], high: [0.2, 0.2] },
   { title: PAGE.side, of: ({ y, z }) => [y, z], low: [-0.2, -0.02], high: [0.2, 0.38] },
@@ -54,8 +54,8 @@ export class Views {
     const [x, y] = place(of({ ...endpoint.position, z: endpoint.position.z ?? 0 }));
     const [fx, fy] = of(endpoint.force).map((value) => (value ?? 0) * PER_NEWTON);
     const scale = width / (high[0] - low[0]);
-    arrow(ctx, x, y, fx * scale, -fy * scale, INK, 2.5);
     disc(ctx, x, y, Math.max(8, width / 36), BLUE, "#fff", 2);
+    arrow(ctx, x, y, fx * scale, -fy * scale, INK, 2.5);
   }
 }
 

@@ -41,9 +41,11 @@ export class MovementsCard {
     this.now = el("p", { className: "now" });
     this.list = el("ul", { className: "changes", tabIndex: 0, ariaLabel: PAGE.changes });
     const titles = ["#", PAGE.reached, ...this.measures.map(measureTitle)];
+    this.table = el("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: PAGE.results },
+      el("table", {}, el("thead", {}, el("tr", {}, ...titles.map((title) => el("th", { scope: "col" }, title)))),
+        this.body));
     this.element = el("section", { className: "card results" }, el("h2", {}, PAGE.results), this.summary,
-      el("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: PAGE.results }, el("table", {},
-        el("thead", {}, el("tr", {}, ...titles.map((title) => el("th", { scope: "col" }, title)))), this.body)),
+      this.table,
       el("h2", {}, PAGE.assistance), this.now, this.list);
     this.show();
   }
@@ -88,6 +90,7 @@ export class MovementsCard {
   show() {
     if (this.isShown) return;
     this.isShown = true;
+    this.table.hidden = !this.trials.length;
     const reaches = this.trials.filter(isReach);
     const alone = reaches.filter((trial) => !trial.assisted);
     say(this.summary, this.trials.length
