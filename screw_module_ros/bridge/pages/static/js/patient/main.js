@@ -201,7 +201,7 @@ function showWords(inSession, isHeard, isTold) {
   }
   const shown = over ? "veil" : inSession ? world.protocol?.space ?? "plane" : play ? "play" : "menu";
   Object.assign(document.body.dataset, {
-    shown, sign: over?.[0] ?? "", trial: world.state?.trial ?? 0, score: play?.score ?? 0,
+    shown, trial: world.state?.trial ?? 0, score: play?.score ?? 0,
   });
 }
 
@@ -227,13 +227,13 @@ function chooseHand(side) {
   world.side = side;
   sessionStorage.setItem("hand", side);
   say($("hand"), SCREEN.hands[side]);
-  document.body.dataset.hand = side;
   drawChoices();
 }
 
 function drawChoices() {
-  for (const { id, firstElementChild: { width, height } } of $("choices").children) {
-    const ctx = $(id).firstElementChild.getContext("2d");
+  for (const { id, firstElementChild: icon } of $("choices").children) {
+    const { width, height } = icon;
+    const ctx = icon.getContext("2d");
     ctx.clearRect(0, 0, width, height);
     if (id === "free") drawHand(ctx, width / 2, height / 2, 0.42 * height, world.side);
     else drawApple(ctx, width / 2, height / 2, 0.42 * height);
