@@ -6,6 +6,7 @@ import { arrow, line } from "./draw.js";
 const EYE = [0, -0.78, 0.62];
 const AT = [0, 0.02, 0.15];
 const FLOOR = 0.0;
+export const RADIUS = 0.03; // of hand and target, to be seen from two metres [m]
 
 const minus = (a, b) => a.map((value, i) => value - b[i]);
 const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);

@@ -3,7 +3,7 @@
 // larger fruit, who is quick gets them farther apart, swinging in the wind, and golden ones.
 
 import { BLUE, GREEN, INK, ORANGE, PURPLE, VERMILLION, YELLOW, disc, drawHand, text } from "../draw.js";
-import { camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
+import { RADIUS, camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
 import { gameLine } from "../words.js";
 
 const FULL = 8; // fruit in a basket
@@ -16,7 +16,6 @@ const LEAST_REACH = 0.05, MOST_REACH = 0.17; // from the hand to the next fruit 
 const LEAST_RADIUS = 0.022, MOST_RADIUS = 0.04; // within which a fruit is picked [m]
 const ROOM = [[-0.13, 0.13], [-0.1, 0.13], [0.07, 0.29]]; // where fruit grows [m]
 const LEAVES = "#8fc9b1";
-const LEAST_DRAWN = 0.03; // radius of a fruit, to be seen from two metres [m]
 const FLIGHT = 0.8; // of a fruit into the basket [s]
 const LEAD = 0.05; // how far ahead of the hand the wish pulls [m]
 
@@ -116,13 +115,13 @@ export class FruitGame {
     this.drawTree(ctx, view);
     const things = [];
     if (this.fruit) {
-      const radius = Math.max(this.radius, LEAST_DRAWN);
+      const radius = Math.max(this.radius, RADIUS);
       things.push({ point: this.place, radius, colour: GREEN,
         draw: ({ x, y, scale }) => drawFruit(ctx, this.fruit.kind, x, y, radius * scale) });
     }
     if (hand) {
-      things.push({ point: hand, radius: 0.022, colour: BLUE,
-        draw: ({ x, y, scale }) => drawHand(ctx, x, y, 0.022 * scale, side) });
+      things.push({ point: hand, radius: RADIUS, colour: BLUE,
+        draw: ({ x, y, scale }) => drawHand(ctx, x, y, RADIUS * scale, side) });
     }
     things.sort((one, other) => other.point[1] - one.point[1]); // what is far away first
     for (const { point, radius, colour } of things) drawPost(ctx, view, point, radius, colour);

@@ -9,7 +9,7 @@ import {
   drawPalm, line, text, tick,
 } from "../draw.js";
 import { OVER_TIME, PREPARE, REACHED, targetsOf } from "../link.js";
-import { camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
+import { RADIUS, camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
 import { SCREEN } from "../words.js";
 
 function asPoint([x, y, z] = [0, 0, 0]) {
@@ -166,8 +166,6 @@ function drawCar(ctx, x, y, width, half, top, { state, side }) {
 }
 
 // Space -------------------------------------------------------------------------------------
-
-const RADIUS = 0.03; // of what is drawn [m]
 
 export function drawSpace({ ctx, width, height }, world) {
   const view = camera(width, height);
