@@ -228,6 +228,23 @@ def test_hand_and_target_are_seen_from_two_metres(result_of, space):
     """) == [2, True]
 
 
+@pytest.mark.parametrize(("state", "told"), [
+    ("phase: 1, kind: 'reach'", "Relax: the robot moves your hand"),
+    ("phase: 2, kind: 'reach'", "Move the blue hand to the orange diamond"),
+    ("phase: 3, kind: 'reach', target: { x: 0, z: 0.04 }", "Lower the elevator to the person"),
+    ("phase: 4, kind: 'reach'", "Take your time"),
+    ("phase: 4, kind: 'hold'", "Hold your hand still"),
+    ("phase: 5, kind: 'reach'", "Well done"),
+    ("phase: 0, kind: 'reach'", ""),
+])  # fmt: skip
+def test_the_patient_is_told_what_to_do_now(result_of, state, told):
+    assert result_of(f"""
+        import {{ task }} from "./js/words.js";
+        const start = {{ x: 0, z: 0.18 }};
+        const result = task({{ start, target: {{ x: 0.1, z: 0.18 }}, {state} }});
+    """) == told
+
+
 @pytest.mark.parametrize(("hand_y", "way"), [(-0.1, -1), (0.1, 1), (0.01, None)])
 def test_the_floor_shows_whether_a_target_is_farther_or_nearer(result_of, hand_y, way):
     """Without it a hand that is too far away is seen at a target that is nearer and lower."""

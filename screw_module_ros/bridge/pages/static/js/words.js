@@ -44,14 +44,14 @@ const TASKS = {
 
 // What to do now in a session.
 export function task(state) {
-  if (state.phase === PREPARE) return "Relax: the robot brings your hand to the start";
+  if (state.phase === PREPARE) return "Relax: the robot moves your hand";
   if (state.phase === REACHED) return "Well done";
   const lift = state.kind === "reach" && state.start.z !== state.target.z
     && state.start.x === state.target.x && state.start.y === state.target.y;
   const way = state.target?.z > state.start?.z ? "Lift" : "Lower";
   const words = lift ? `${way} the elevator to the person` : TASKS[state.kind] ?? "";
-  if (state.phase === OVER_TIME) return `${words}: take your time`;
-  return state.phase === WAIT || state.phase === MOVING ? words : "";
+  if (state.phase === OVER_TIME && state.kind === "reach") return "Take your time";
+  return [WAIT, MOVING, OVER_TIME].includes(state.phase) ? words : "";
 }
 
 // What covers the picture, [sign, title, more]; null when nothing does. sign: a picture of `scenes`.
