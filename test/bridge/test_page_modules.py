@@ -96,7 +96,7 @@ def test_a_screen_that_lost_its_connection_tells_no_number(result_of):
         const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 4,
                               state: before, reached, hasSeenAll });
     """
-    assert result_of(COUNTED + script) == ["Finished. Thank you!", ""]
+    assert result_of(COUNTED + script) == ["flowers", "Finished. Thank you!", ""]
 
 
 def test_only_reaches_have_targets(result_of):
@@ -122,13 +122,13 @@ def test_only_reaches_have_targets(result_of):
         const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 2,
                               state: before, reached, hasSeenAll, hasOthers });
     """
-    assert result_of(COUNTED + script) == ["Finished. Thank you!", "1 target reached"]
+    assert result_of(COUNTED + script) == ["flowers", "Finished. Thank you!", "1 target reached"]
 
 
 @pytest.mark.parametrize(("state", "told"), [
-    ("RUNNING", ["One moment …", "The exercise has stopped"]),
-    ("PAUSED", ["One moment …", "The exercise has stopped"]),
-    ("STARTING", ["One moment …", "The exercise has stopped"]),
+    ("RUNNING", ["wait", "One moment …", "The exercise has stopped"]),
+    ("PAUSED", ["wait", "One moment …", "The exercise has stopped"]),
+    ("STARTING", ["wait", "One moment …", "The exercise has stopped"]),
     ("IDLE", None),
 ])  # fmt: skip
 def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told):
@@ -158,7 +158,7 @@ def test_the_targets_of_one_block_are_shown(result_of, block, shown):
 ])  # fmt: skip
 def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, state, told):
     """Nobody `goes on in a moment` after a stop, and a session that begins was not interrupted."""
-    title, _ = result_of(f"""
+    _, title, _ = result_of(f"""
         import {{ veil }} from "./js/words.js";
         import {{ {state} }} from "./js/link.js";
         const result = veil({{ isOpen: true, isHeard: true, isTold: true, safety: {safety},
@@ -191,6 +191,151 @@ def test_the_elevators_car_is_seen_though_the_plane_is_not_homed(result_of, heig
         drawElevator({{ ctx, width: 800, height: 600 }}, {{ state, hand }});
         const result = drawn.includes("roundRect");
     """) == is_drawn
+
+
+DRAWN = PLAYED_DOCUMENT + """
+    const { Count } = await import("./js/patient/main.js");
+    const { SCENES, drawSign } = await import("./js/patient/scenes.js");
+    const { BLUE, INK, ORANGE, drawHand } = await import("./js/draw.js");
+    let calls = [];
+    const ctx = new Proxy({}, {
+      get: (_, name) => (...values) => calls.push([name, ...values]),
+      set: (_, name, value) => calls.push([name, value]) > 0,
+    });
+    const picture = { ctx, width: 1280, height: 720 };
+    const draw = (space, hand) => SCENES[space](picture, {
+      hand: { isKnown: true, ...hand }, seen: new Count(), bloom: 1, side: "right",
+      state: { kind: "reach", phase: 3, start: { z: 0.18 }, target: { x: 0, y: 0, z: 0.2 } },
+    });
+    // The corners of the first polygon of this colour.
+    const polygon = (colour) => {
+      const end = calls.findIndex(([name], i) => name === "closePath"
+        && calls[i + 1][1] === colour);
+      return calls.slice(0, Math.max(end, 0)).slice(-4).filter(([name]) => name.endsWith("To"));
+    };
+"""
+
+
+@pytest.mark.parametrize("space", ["plane", "space"])
+def test_hand_and_target_are_seen_from_two_metres(result_of, space):
+    """A degree of view: 35 mm at 2 m, of a screen that is 300 mm high."""
+    assert result_of(DRAWN + f"""
+        draw("{space}", {{ x: 0.1, y: 0, z: 0.2 }});
+        const [[, x], [, right]] = polygon(ORANGE);
+        const discs = calls.filter(([name], i) => name === "arc" && calls[i + 1][1] === BLUE);
+        const radii = [right - x, ...discs.map(([, , , radius]) => radius)];
+        const result = [radii.length, Math.min(...radii) >= 720 * 35 / 300 / 2];
+    """) == [2, True]
+
+
+@pytest.mark.parametrize(("state", "told"), [
+    ("phase: 1, kind: 'reach'", "Relax: the robot moves your hand"),
+    ("phase: 2, kind: 'reach'", "Move the blue hand to the orange diamond"),
+    ("phase: 3, kind: 'reach', target: { x: 0, z: 0.04 }", "Lower the elevator to the person"),
+    ("phase: 4, kind: 'reach'", "Take your time"),
+    ("phase: 4, kind: 'hold'", "Hold your hand still"),
+    ("phase: 5, kind: 'reach'", "Well done"),
+    ("phase: 0, kind: 'reach'", ""),
+])  # fmt: skip
+def test_the_patient_is_told_what_to_do_now(result_of, state, told):
+    assert result_of(f"""
+        import {{ task }} from "./js/words.js";
+        const start = {{ x: 0, z: 0.18 }};
+        const result = task({{ start, target: {{ x: 0.1, z: 0.18 }}, {state} }});
+    """) == told
+
+
+@pytest.mark.parametrize(("hand_y", "way"), [(-0.1, -1), (0.1, 1), (0.01, None)])
+def test_the_floor_shows_whether_a_target_is_farther_or_nearer(result_of, hand_y, way):
+    """Without it a hand that is too far away is seen at a target that is nearer and lower."""
+    assert result_of(DRAWN + f"""
+        draw("space", {{ x: 0, y: {hand_y}, z: 0.2 }});
+        const [tip, base] = polygon(INK); // of the arrow's head
+        const result = tip ? Math.sign(tip[2] - base[2]) : null;
+    """) == way
+
+
+def test_a_left_hand_is_a_right_one_mirrored(result_of):
+    assert result_of(DRAWN + """
+        const ends = (side) => {
+          calls = [];
+          drawHand(ctx, 0, 0, 10, side);
+          return calls.filter(([name]) => name.endsWith("To")).map(([, x, y]) => [x, y]);
+        };
+        const [left, right] = [ends("left"), ends("right")];
+        const result = [left[0][0] === right[0][0],
+          right.every(([x, y], i) => left[i][0] === -x && left[i][1] === y)];
+    """) == [False, True]
+
+
+def test_each_reason_to_wait_has_a_sign_of_its_own_shape(result_of):
+    """Words alone are not read from two metres, and colours alone not told apart."""
+    told, shapes = result_of(DRAWN + """
+        const { veil } = await import("./js/words.js");
+        const told = [{ isOpen: false }, { isHeard: false }, { safety: 2 },
+          ...[2, 3, 4, 5].map((state) => ({ state: { state } }))].map((each) => veil({
+            isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 1, ...each })[0]);
+        const shapes = told.map((sign) => {
+          calls = [];
+          drawSign(picture, sign);
+          return JSON.stringify(calls.filter(([name]) => !name.endsWith("Style")));
+        });
+        const result = [told, shapes];
+    """)
+    assert told == ["lost", "wait", "stop", "pause", "flowers", "done", "start"]
+    assert len(set(shapes)) == 7
+
+
+def test_a_target_blooms_where_it_was_reached_and_once_for_each_movement(result_of):
+    assert result_of(COUNTED + """
+        const at = (y, trial, phase) => {
+          const now = { state: RUNNING, phase, trial, target: { x: 0, y, z: 0.18 } };
+          count.take(now, before, false);
+          before = now;
+        };
+        at(0.14, 1, MOVING); at(0.14, 1, REACHED); at(0.14, 1, PREPARE); at(0.14, 1, REACHED);
+        at(0, 2, MOVING); at(0, 2, REACHED); at(0.14, 3, MOVING); at(0.14, 3, REACHED);
+        const places = [[0, 0.14, 0.18], [0, 0, 0.18], [0.14, 0, 0.18]];
+        const result = places.map(([x, y, z]) => count.times({ x, y, z }));
+    """) == [2, 1, 0]
+
+
+@pytest.mark.parametrize(("space", "colour"), [
+    ("plane", "#cc79a7"), ("space", "#cc79a7"), ("vertical", "#f0e442"),
+])  # fmt: skip
+def test_a_target_that_was_reached_makes_the_picture_richer(result_of, space, colour):
+    protocol = json.dumps({"centre": [0, 0, 0.18], "targets": [[0.1, 0.1, 0.18]]})
+    assert result_of(DRAWN + f"""
+        const seen = new Count();
+        const state = {{ kind: "reach", phase: 3, state: 1, trial: 1,
+          start: {{ x: 0, y: 0, z: 0.18 }}, target: {{ x: 0.1, y: 0.1, z: 0.18 }} }};
+        const reached = () => {{
+          calls = [];
+          SCENES["{space}"](picture, {{ hand: {{ z: null }}, seen, bloom: 1, side: "right",
+            state: {{ ...state, phase: 1 }}, protocol: {protocol} }});
+          return calls.filter((each) => each.join() === "fillStyle,{colour}").length;
+        }};
+        const result = [reached()];
+        seen.take({{ ...state, phase: 5 }}, state, false);
+        result.push(reached());
+        seen.take({{ ...state, phase: 5, trial: 2 }}, state, false);
+        result.push(seen.times(state.target));
+    """) == [0, 1 if space == "vertical" else 6, 2]
+
+
+@pytest.mark.parametrize("is_still", ["true", "false"])
+def test_fruit_keeps_still_for_who_wants_little_motion(result_of, is_still):
+    assert result_of(DRAWN + f"""
+        const {{ FruitGame }} = await import("./js/patient/fruit.js");
+        const game = new FruitGame(() => 0.5);
+        game.isStill = {is_still};
+        game.picked = 40;  // where the wind blows
+        const places = [0.5, 0.5].map((dt) => {{
+          game.step(dt, [0, 0, 0.1]);
+          return game.place[0];
+        }});
+        const result = places[0] === places[1];
+    """) == (is_still == "true")
 
 
 FORM = PLAYED_DOCUMENT + """

@@ -162,9 +162,9 @@ def open_page(browser):
 
 
 SCENES = [
-    ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move to the orange diamond"),
-    ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Take the elevator to the marked floor"),
-    ("reach_3d", {"x": 0.1, "y": 0.1, "z": 0.26}, "space", "Move to the orange diamond"),
+    ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move the blue hand to the orange"),
+    ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Lift the elevator to the person"),
+    ("reach_3d", {"x": 0.1, "y": 0.1, "z": 0.26}, "space", "Move the blue hand to the orange"),
 ]
 
 
@@ -178,6 +178,7 @@ def test_each_protocol_has_its_picture(serving, open_page, protocol, target, sce
     given.until_text(page, task)
     given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
     given.until_text(page, "The therapist goes on in a moment")
+    assert page.locator("#sign").is_visible()
 
 
 def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
@@ -213,6 +214,43 @@ def test_a_session_that_follows_another_at_once_has_its_own_picture(serving, ope
     assert "targets reached" not in page.inner_text("#veil")
 
 
+@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
+def test_a_flower_opens_unless_little_motion_is_wanted(serving, open_page, motion):
+    given = serving()
+    page = open_page(given, "patient")
+    page.emulate_media(reduced_motion=motion)
+    given.state = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1}
+    given.robot.hand = {"x": 0, "y": 0.14, "z": 0.18}
+    given.until_text(page, "Move the blue hand")
+    page.evaluate("""async () => {
+        const canvas = document.querySelector("#picture"), shown = new Set();
+        const next = () => new Promise((resolve) => requestAnimationFrame(resolve));
+        window.shown = (async () => {
+            while (!document.body.innerText.includes("Well done")) await next();
+            for (let i = 0; i < 45; i++, await next()) shown.add(canvas.toDataURL());
+            window.pictures = shown.size;
+        })();
+        return null;
+    }""")
+    given.state = {**given.state, "phase": REACHED}
+    given.until(page, "window.pictures")
+    assert (page.evaluate("window.pictures") == 1) == (motion == "reduce")
+
+
+def test_the_screen_shows_the_hand_that_was_chosen(serving, open_page):
+    given = serving()
+    page = open_page(given, "patient")
+    given.until_text(page, "Pick fruit")
+    right = page.evaluate("document.querySelector('#free canvas').toDataURL()")
+    page.get_by_role("button", name="Hand: right").click()
+    page.get_by_role("button", name="Hand: left").wait_for()
+    assert page.evaluate("document.querySelector('#free canvas').toDataURL()") != right
+    page.reload()
+    page.get_by_role("button", name="Hand: left").wait_for()
+    other = open_page(given, "patient")  # the next patient's
+    other.get_by_role("button", name="Hand: right").wait_for()
+
+
 def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     given = serving()
     page = open_page(given, "patient")
@@ -229,6 +267,8 @@ def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     page.get_by_role("button", name="Sound: on").wait_for()
     page.get_by_role("button", name="Back").click()
     given.until_text(page, "What shall we do?")
+    page.get_by_role("button", name="Move freely").click()
+    given.until_text(page, "Move the blue hand wherever you like")
 
 
 def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until):
@@ -344,6 +384,50 @@ def test_results_come_into_the_table(serving, open_page):
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
     given.robot.finish(6)
     given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
+
+
+LIVE = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 41, "trials": 1024}
+
+
+@pytest.mark.parametrize(("state", "safety", "word"), [
+    (LIVE, 0, "Running"),
+    ({**LIVE, "state": PAUSED, "reason": "the therapist paused it"}, 0, "Paused"),
+    ({**LIVE, "state": PAUSED, "reason": "the vertical torque is off"}, 2, "Stopped"),
+    ({**LIVE, "state": FINISHED, "trial": 1024}, 0, "Finished"),
+], ids=["live", "paused", "stopped", "finished"])  # fmt: skip
+def test_a_session_is_seen_on_one_screen(serving, open_page, state, safety, word):
+    given = serving()
+    page = open_page(given, "therapist", size=(1280, 720))
+    given.until_text(page, "The robot is ready")
+    for trial in range(1, 42):
+        given.robot.finish(trial)
+    why = "less time, as the hand led (metric +0.100); softer side walls, as it kept to the line"
+    given.robot.tell("/therapy/assistance", {
+        "block": 1, "circuit": 1, "duration": 1.35, "side_stiffness": 90.0, "reason": why,
+    })  # fmt: skip
+    given.state = state
+    given.until_text(page, why)
+    given.robot.tell("/safety_state", {"level": safety, "reasons": ["emergency stop"]})
+    page.get_by_text(word, exact=False).and_(page.locator(".badge")).wait_for()
+    last = ".results tbody tr >> nth=9"
+    for seen in (".stop", ".session", ".hand", ".traces", last, ".changes li"):
+        box = page.locator(seen).first.bounding_box()
+        assert box["y"] >= 0 and box["y"] + box["height"] <= 720, seen
+    assert page.evaluate("document.documentElement.scrollHeight") == 720
+    now = "Now: 1.40 s a movement, side walls 100 N/m"
+    assert (now in page.inner_text(".results")) == (word != "Finished")
+
+
+def test_traces_are_told_apart_without_colour(serving, open_page):
+    given = serving()
+    page = open_page(given, "therapist")
+    given.until_text(page, "Position [cm]")
+    given.until_text(page, "Force of the patient on the robot [N]")
+    keys = page.evaluate(
+        "[...document.querySelectorAll('.keys span')].map((each) =>"
+        " [each.innerText, getComputedStyle(each, '::before').borderTopStyle])"
+    )
+    assert keys == [["x right", "solid"], ["y away", "dashed"], ["z up", "dotted"]]
 
 
 @pytest.mark.parametrize("size", [(390, 844), (1180, 820), (1920, 1080), (3840, 2160)])

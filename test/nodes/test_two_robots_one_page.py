@@ -115,7 +115,7 @@ def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
 
     start_on(left)
     left.get_by_text("Running, movement 1 of").wait_for()
-    assert right.get_by_text("No session.").is_visible()
+    assert right.get_by_text("No session").is_visible()
     start_on(right)
     right.get_by_text("Running, movement 1 of").wait_for()
     names = {name: operator.states[-1].patient for name, operator in operators.items()}

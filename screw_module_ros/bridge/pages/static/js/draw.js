@@ -13,7 +13,7 @@ export const BLUE = "#0072b2";
 export const VERMILLION = "#d55e00";
 export const PURPLE = "#cc79a7";
 export const INK = "#16212b";
-export const SOFT = "#7d8a95";
+export const SOFT = "#6b7883";
 export const LINE = "#d5d9dc";
 export const PAPER = "#f7f5ef";
 
@@ -69,13 +69,15 @@ export function tick(ctx, x, y, radius, colour) {
   ctx.moveTo(x - 0.45 * radius, y + 0.02 * radius);
   ctx.lineTo(x - 0.1 * radius, y + 0.38 * radius);
   ctx.lineTo(x + 0.5 * radius, y - 0.35 * radius);
-  ctx.lineCap = ctx.lineJoin = "round";
+  ctx.lineCap = "round";
+  ctx.lineJoin = "round";
   paint(ctx, null, colour, 0.22 * radius);
 }
 
 export function line(ctx, x1, y1, x2, y2, colour, width, dash = []) {
   ctx.beginPath();
   ctx.setLineDash(dash);
+  ctx.lineCap = dash.length ? "butt" : "round";
   ctx.moveTo(x1, y1);
   ctx.lineTo(x2, y2);
   paint(ctx, null, colour, width);
@@ -122,28 +124,51 @@ function paint(ctx, fill, edge, width) {
   }
 }
 
-// The hand is a blue disc, the start a ring, the target an orange diamond, what was reached a green
-// disc with a tick.
-export function drawHand(ctx, x, y, radius) {
-  disc(ctx, x, y, radius, BLUE, "#ffffff", 0.18 * radius);
-  disc(ctx, x, y, 0.3 * radius, "#ffffff");
+// The hand is a blue disc with the patient's hand on it, seen from above; side: "left" or "right".
+export function drawHand(ctx, x, y, radius, side) {
+  disc(ctx, x, y, radius + 0.14 * radius, "#ffffff", INK, Math.max(1, 0.04 * radius));
+  disc(ctx, x, y, radius, BLUE);
+  drawPalm(ctx, x, y, radius, side);
 }
 
-// Draws where the hand is to go in this phase of a trial.
-export function drawGoal(ctx, x, y, radius, state) {
+const FINGERS = [[-0.25, -0.46], [-0.09, -0.6], [0.09, -0.56], [0.26, -0.36]]; // tips, of a right hand
+
+export function drawPalm(ctx, x, y, size, side) {
+  const at = side === "left" ? -size : size;
+  for (const [fx, fy] of FINGERS) line(ctx, x + 0.85 * fx * at, y + 0.1 * size, x + fx * at, y + fy * size, "#ffffff", 0.14 * size);
+  line(ctx, x - 0.2 * at, y + 0.32 * size, x - 0.54 * at, y, "#ffffff", 0.16 * size);
+  line(ctx, x - 0.12 * at, y + 0.24 * size, x + 0.12 * at, y + 0.24 * size, "#ffffff", 0.44 * size);
+}
+
+const PETALS = [PURPLE, SKY, YELLOW]; // of those that bloom for the first, second, third time
+
+// A flower for a target that was reached, open by a share of 0 to 1.
+export function drawFlower(ctx, x, y, radius, times, open = 1) {
+  const colour = PETALS[(times - 1) % PETALS.length];
+  for (let i = 0; i < 6; i++) {
+    const [dx, dy] = [Math.sin((i * Math.PI) / 3), Math.cos((i * Math.PI) / 3)].map((v) => 0.68 * open * radius * v);
+    disc(ctx, x + dx, y + dy, 0.42 * radius, colour, INK, 0.06 * radius);
+  }
+  disc(ctx, x, y, 0.42 * radius, "#ffffff", INK, 0.06 * radius);
+}
+
+// Draws where the hand is to go in this phase of a trial: the start is a ring, the target an orange
+// diamond, what was reached a tick in a flower that opens, by the share `bloom`.
+export function drawGoal(ctx, x, y, radius, state, bloom = 1) {
   if (state.phase === PREPARE) {
-    disc(ctx, x, y, radius, PAPER, INK, 0.16 * radius);
+    disc(ctx, x, y, 1.1 * radius, "#ffffff", INK, 0.2 * radius);
     return;
   }
   if (state.phase === REACHED) {
-    disc(ctx, x, y, 1.15 * radius, GREEN);
+    drawFlower(ctx, x, y, (1.4 + bloom) * radius, 1, bloom);
+    disc(ctx, x, y, 1.15 * radius, GREEN, "#ffffff", 0.1 * radius);
     tick(ctx, x, y, radius, "#ffffff");
     return;
   }
-  diamond(ctx, x, y, 1.25 * radius, ORANGE, INK, 0.1 * radius);
+  diamond(ctx, x, y, 1.3 * radius, ORANGE, INK, 0.12 * radius);
   const since = state.since ?? 0;
   if (state.phase === MOVING || state.phase === OVER_TIME) {
     const colour = state.phase === MOVING ? INK : VERMILLION;
-    arc(ctx, x, y, 1.75 * radius, since / Math.max(state.duration, 0.1), colour, 0.16 * radius);
+    arc(ctx, x, y, 1.6 * radius, since / Math.max(state.duration, 0.1), colour, 0.16 * radius);
   }
 }

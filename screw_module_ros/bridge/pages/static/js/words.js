@@ -26,47 +26,51 @@ export function failure({ cause, message }) {
 
 export const SCREEN = {
   picture: "Where the hand is and where it is to go",
+  progress: "Movements done",
+  hands: { left: "Hand: left", right: "Hand: right" },
   back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
-  menu: "What shall we do?", hint: "The therapist starts the exercises; until then you can play.",
-  fruit: "Pick fruit", free: "Move freely", start: "start",
+  menu: "What shall we do?", hint: "Touch a picture to play. The therapist starts the exercises.",
+  fruit: "Pick fruit", free: "Move freely", freely: "Move the blue hand wherever you like", start: "start",
 };
 const WAITING = "One moment …";
+const FOR_ROBOT = "Waiting for the robot";
 const ASK_THERAPIST = "Your therapist knows what to do";
 
 const TASKS = {
-  reach: "Move to the orange diamond", circle: "Draw circles along the orange line",
-  hold: "Hold your hand still", resisted: "Stay at the orange diamond",
+  reach: "Move the blue hand to the orange diamond", circle: "Draw circles along the orange line",
+  hold: "Hold your hand still", resisted: "Keep the blue hand on the orange diamond",
   strength: "Push in the direction of the arrow",
 };
 
 // What to do now in a session.
 export function task(state) {
-  if (state.phase === PREPARE) return "The robot brings your hand to the start";
+  if (state.phase === PREPARE) return "Relax: the robot moves your hand";
   if (state.phase === REACHED) return "Well done";
   const lift = state.kind === "reach" && state.start.z !== state.target.z
     && state.start.x === state.target.x && state.start.y === state.target.y;
-  const words = lift ? "Take the elevator to the marked floor" : TASKS[state.kind] ?? "";
-  if (state.phase === OVER_TIME) return `${words}: take your time`;
-  return state.phase === WAIT || state.phase === MOVING ? words : "";
+  const way = state.target?.z > state.start?.z ? "Lift" : "Lower";
+  const words = lift ? `${way} the elevator to the person` : TASKS[state.kind] ?? "";
+  if (state.phase === OVER_TIME && state.kind === "reach") return "Take your time";
+  return [WAIT, MOVING, OVER_TIME].includes(state.phase) ? words : "";
 }
 
-// What covers the picture, [title, more]; null when nothing does.
+// What covers the picture, [sign, title, more]; null when nothing does. sign: a picture of `scenes`.
 export function veil({
   sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
 }) {
-  if (!isOpen) return [WAITING, sentence || "Connecting to the robot"];
-  if (!isHeard) return [WAITING, "The robot does not tell anything yet"];
+  if (!isOpen) return ["lost", WAITING, sentence || "Connecting to the robot"];
+  if (!isHeard) return ["wait", FOR_ROBOT, "It does not tell anything yet"];
   const isOn = isUnderWay(state);
-  if (isOn && !isTold) return [WAITING, "The exercise has stopped"];
-  if (safety === SAFETY_STOPPED) return ["The robot has stopped", ASK_THERAPIST];
-  if (safety !== SAFETY_OK) return ["The robot rests", ASK_THERAPIST];
-  if (state?.state === STARTING) return [WAITING, "The exercise is about to begin"];
-  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
+  if (isOn && !isTold) return ["wait", WAITING, "The exercise has stopped"];
+  if (safety === SAFETY_STOPPED) return ["stop", "The robot has stopped", ASK_THERAPIST];
+  if (safety !== SAFETY_OK) return ["wait", FOR_ROBOT, ASK_THERAPIST];
+  if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
+  if (state?.state === PAUSED) return ["pause", "Pause", "The therapist goes on in a moment"];
   if (state?.state === FINISHED) {
     const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
-    return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
+    return ["flowers", "Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
   }
-  if (state?.state === ABORTED) return ["The exercise has ended", ""];
+  if (state?.state === ABORTED) return ["done", "The exercise has ended", ""];
   return null;
 }
 
@@ -78,8 +82,8 @@ const SEASONS = ["Spring", "Summer", "Autumn", "Winter"];
 
 // The line above the game; streak: fruit picked without a pause, 0 while it is too short to count.
 export function gameLine({ score, picked, basket, streak }) {
-  if (!picked) return "Move the blue disc to the fruit";
-  const row = streak ? ` · ${streak} in a row, +1 each` : "";
+  if (!picked) return "Move the blue hand to the fruit";
+  const row = streak ? ` · ${streak} in a row` : "";
   return `${score} points · ${SEASONS[basket % SEASONS.length]}, basket ${basket + 1}${row}`;
 }
 
@@ -99,22 +103,22 @@ export const PAGE = {
   write: "Write down, elsewhere, whose pseudonym this is.",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
   limits: "Limits", unknown: "Not known yet.",
-  hand: "Hand", above: "From above: away from the patient is up",
-  side: "From the side: away from the patient is right", traces: "Traces",
-  position: "Position [cm] over time [s]", force: "Force of the patient on the robot [N] over time [s]",
+  hand: "Hand (arrow: its force)", above: "From above: far is up",
+  side: "From the side: far is right", traces: "Traces, time [s]",
+  position: "Position [cm]", force: "Force of the patient on the robot [N]",
   axes: ["x right", "y away", "z up"],
   results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
-  assistance: "Assistance", noChange: "No change yet.",
+  assistance: "Assistance", changes: "Changes of the assistance", noChange: "No change yet.",
 };
 
 export const LIMITS = {
-  "assistance.stiffness": "Stiffest wall of the next session", "wish.half_width": "Workspace, left and right",
+  "assistance.stiffness": "Stiffest wall, next session", "wish.half_width": "Workspace, left and right",
   "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
-  "wish.high": "Workspace, greatest height", "wish.speed": "Speed of what a game wishes",
+  "wish.high": "Workspace, greatest height", "wish.speed": "Greatest speed of games",
 };
 
-export function robotTitle(robot, robots) {
-  return robots.length > 1 ? `Robot ${robot.slice(1)}` : "Robot";
+export function robotTitle(robot) {
+  return `Robot ${robot.slice(1)}`;
 }
 
 export function stopFailed(why) {
@@ -150,6 +154,13 @@ function counted(reaches) {
   return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
 }
 
+// The assistance in use now.
+export function assistanceSentence(state) {
+  if (!isUnderWay(state)) return "";
+  const { assisted, duration, side_stiffness: side } = state;
+  return assisted ? `Now: ${duration.toFixed(2)} s a movement, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
+}
+
 export function changeSentence({ block, circuit, duration, side, reason }) {
   return `Block ${block}, circuit ${circuit}: ${duration.toFixed(2)} s, side walls ${side.toFixed(0)} N/m; ${reason}`;
 }
@@ -182,8 +193,20 @@ export function sessionSentence(state, protocols) {
     case ABORTED:
       return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
     default:
-      return "No session.";
+      return "Press New for a pseudonym, choose a protocol, press Start.";
   }
+}
+
+const BADGES = {
+  [RUNNING]: ["▶\ufe0e Running", "running"], [STARTING]: ["… Starting", "paused"],
+  [PAUSED]: ["❚❚ Paused", "paused"], [FINISHED]: ["✓ Finished", ""], [ABORTED]: ["✕ Ended", ""],
+};
+
+// The state at a glance, [sign and word, its kind].
+export function badge(state, safety) {
+  if (safety?.level === SAFETY_STOPPED) return ["■ Stopped", "stopped"];
+  if (safety?.level !== SAFETY_OK) return ["… Waiting", "paused"];
+  return BADGES[state?.state] ?? ["○ No session", ""];
 }
 
 // What to do after a stop. Only an operator resets it: no page has that right.

@@ -2,8 +2,8 @@
 // Picking fruit in three dimensions. No clock runs against the patient: who is slow gets nearer and
 // larger fruit, who is quick gets them farther apart, swinging in the wind, and golden ones.
 
-import { GREEN, INK, ORANGE, PURPLE, VERMILLION, YELLOW, disc, drawHand, text } from "../draw.js";
-import { camera, drawFloor, drawStem, seen } from "../space.js";
+import { BLUE, GREEN, INK, ORANGE, PURPLE, VERMILLION, YELLOW, disc, drawHand, text } from "../draw.js";
+import { RADIUS, camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
 import { gameLine } from "../words.js";
 
 const FULL = 8; // fruit in a basket
@@ -15,7 +15,8 @@ const QUICK = 3.0, SLOW = 6.0; // time from fruit to fruit [s]
 const LEAST_REACH = 0.05, MOST_REACH = 0.17; // from the hand to the next fruit [m]
 const LEAST_RADIUS = 0.022, MOST_RADIUS = 0.04; // within which a fruit is picked [m]
 const ROOM = [[-0.13, 0.13], [-0.1, 0.13], [0.07, 0.29]]; // where fruit grows [m]
-const LEAVES = "#9fd3bf";
+const LEAVES = "#8fc9b1";
+const FLIGHT = 0.8; // of a fruit into the basket [s]
 const LEAD = 0.05; // how far ahead of the hand the wish pulls [m]
 
 export class FruitGame {
@@ -27,6 +28,8 @@ export class FruitGame {
     this.age = 0;
     this.fruit = null;
     this.flying = [];
+    this.gathered = []; // kinds of fruit in the basket
+    this.isStill = false; // no motion but the hand's
     this.sound = () => {};
   }
 
@@ -39,7 +42,7 @@ export class FruitGame {
   }
 
   get wind() {
-    return this.basket < 2 ? 0 : Math.min(0.004 * (this.basket - 1), 0.02);
+    return this.basket < 2 || this.isStill ? 0 : Math.min(0.004 * (this.basket - 1), 0.02);
   }
 
   // Where the fruit is now [m]: it swings in the wind.
@@ -50,7 +53,7 @@ export class FruitGame {
 
   // Goes on by dt [s] with the hand at [x, y, z] [m], null where that is not known.
   step(dt, hand) {
-    this.flying = this.flying.filter((each) => (each.age += dt) < 0.8);
+    this.flying = this.flying.filter((each) => (each.age += dt) < FLIGHT);
     if (!hand) return;
     this.age += dt;
     if (!this.fruit) this.grow(hand);
@@ -64,6 +67,8 @@ export class FruitGame {
     this.score += worth;
     this.picked += 1;
     this.flying.push({ from: this.place, kind: this.fruit.kind, worth, age: 0 });
+    if (this.gathered.length === FULL) this.gathered = [];
+    this.gathered.push(this.fruit.kind);
     this.adapt(took);
     this.sound(this.picked % FULL === 0 ? "basket" : "pick");
     this.grow(hand);
@@ -101,19 +106,27 @@ export class FruitGame {
     return hand.map((value, i) => value + share * way[i]);
   }
 
-  draw({ ctx, width, height }, hand) {
+  draw({ ctx, width, height }, hand, side) {
     const view = camera(width, height);
     const [sky, ground] = this.season;
     ctx.fillStyle = sky;
     ctx.fillRect(0, 0, width, height);
-    drawFloor(ctx, view, ground, "rgb(255 255 255 / 70%)");
+    drawFloor(ctx, view, "rgb(255 255 255 / 55%)", ground);
     this.drawTree(ctx, view);
-    if (this.fruit) this.drawTheFruit(ctx, view);
-    if (hand) {
-      drawStem(ctx, view, hand, 0.02, "#0072b2");
-      const { x, y, scale } = seen(view, hand);
-      drawHand(ctx, x, y, 0.02 * scale);
+    const things = [];
+    if (this.fruit) {
+      const radius = Math.max(this.radius, RADIUS);
+      things.push({ point: this.place, radius, colour: GREEN,
+        draw: ({ x, y, scale }) => drawFruit(ctx, this.fruit.kind, x, y, radius * scale) });
     }
+    if (hand) {
+      things.push({ point: hand, radius: RADIUS, colour: BLUE,
+        draw: ({ x, y, scale }) => drawHand(ctx, x, y, RADIUS * scale, side) });
+    }
+    things.sort((one, other) => other.point[1] - one.point[1]); // what is far away first
+    for (const { point, radius, colour } of things) drawPost(ctx, view, point, radius, colour);
+    if (things.length === 2) drawWay(ctx, view, hand, this.place, INK);
+    for (const { point, draw } of things) draw(seen(view, point));
     for (const each of this.flying) this.drawPicked(ctx, view, each, width, height);
     this.drawScore(ctx, width, height);
   }
@@ -133,41 +146,36 @@ export class FruitGame {
     }
   }
 
-  drawTheFruit(ctx, view) {
-    const place = this.place;
-    drawStem(ctx, view, place, this.radius, this.fruit.kind.colour);
-    const { x, y, scale } = seen(view, place);
-    drawFruit(ctx, this.fruit.kind, x, y, this.radius * scale);
-  }
-
   // A fruit on its way into the basket, with what it was worth.
   drawPicked(ctx, view, { from, kind, worth, age }, width, height) {
     const start = seen(view, from);
-    const share = Math.min(age / 0.8, 1);
+    const share = this.isStill ? 0 : Math.min(age / FLIGHT, 1);
     const ease = share * share * (3 - 2 * share);
     const x = start.x + (0.1 * width - start.x) * ease;
-    const y = start.y + (0.88 * height - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
-    drawFruit(ctx, kind, x, y, 0.028 * start.scale * (1 - 0.5 * share));
-    text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * ease, 0.05 * height, INK);
+    const y = start.y + (0.84 * height - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
+    if (!this.isStill) drawFruit(ctx, kind, x, y, 0.028 * start.scale * (1 - 0.5 * share));
+    text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * (1 + ease), 0.06 * height, INK, "center", 800);
   }
 
   drawScore(ctx, width, height) {
-    const size = Math.min(0.045 * height, 0.055 * width);
-    const [x, y] = [0.1 * width, 0.9 * height];
-    ctx.fillStyle = "#b98a5a";
+    const size = Math.min(0.06 * height, 0.07 * width);
+    const [x, y] = [Math.max(0.1 * width, 2 * size), (width < height ? 0.84 : 0.9) * height]; // not below buttons
+    this.gathered.forEach((kind, i) =>
+      drawFruit(ctx, kind, x + (i % 4 - 1.5) * 0.75 * size, y - (0.75 + 0.6 * Math.floor(i / 4)) * size, 0.42 * size));
+    ctx.fillStyle = "#8a5a2b";
     ctx.beginPath();
-    ctx.moveTo(x - 1.6 * size, y - 0.5 * size);
-    ctx.lineTo(x + 1.6 * size, y - 0.5 * size);
+    ctx.moveTo(x - 1.8 * size, y - 0.5 * size);
+    ctx.lineTo(x + 1.8 * size, y - 0.5 * size);
     ctx.lineTo(x + 1.1 * size, y + size);
     ctx.lineTo(x - 1.1 * size, y + size);
     ctx.fill();
-    text(ctx, `${this.picked % FULL}/${FULL}`, x, y + 0.25 * size, 0.8 * size, "#ffffff");
+    text(ctx, `${this.gathered.length}/${FULL}`, x, y + 0.25 * size, 0.8 * size, "#ffffff");
     const { score, picked, basket, streak } = this;
     const words = gameLine({ score, picked, basket, streak: streak >= STREAK ? streak : 0 });
     ctx.fillStyle = "rgb(255 255 255 / 85%)";
-    ctx.fillRect(0, 0, width, 2 * size);
+    ctx.fillRect(0, 0, width, 1.7 * size);
     const fitting = (0.94 * width) / (0.62 * words.length); // a letter is 0.62 of its size wide
-    text(ctx, words, 0.5 * width, size, Math.min(1.05 * size, fitting), INK);
+    text(ctx, words, 0.5 * width, 0.85 * size, Math.min(size, fitting), INK);
   }
 }
 
@@ -180,8 +188,14 @@ const KINDS = {
   golden: { colour: ORANGE, worth: 3, shape: star },
 };
 
+// With an edge, so that a green pear is seen before green leaves.
 function drawFruit(ctx, kind, x, y, radius) {
+  kind.shape(ctx, x, y, 1.08 * radius + 1.5, INK);
   kind.shape(ctx, x, y, radius, kind.colour);
+}
+
+export function drawApple(ctx, x, y, radius) {
+  drawFruit(ctx, KINDS.apple, x, y, radius);
 }
 
 function stalk(ctx, x, y, radius) {

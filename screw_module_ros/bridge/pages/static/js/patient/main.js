@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The patient's screen: shows what the session asks for; while none runs, there is a game.
 
-import { el, fitted, say } from "../draw.js";
+import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, chosenRobot, configurationAtLast,
   isUnderWay, named, ownToken,
 } from "../link.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
-import { FruitGame } from "./fruit.js";
-import { SCENES } from "./scenes.js";
+import { FruitGame, drawApple } from "./fruit.js";
+import { SCENES, drawSign } from "./scenes.js";
+
+function placeOf(place) {
+  return [place?.x, place?.y, place?.z ?? 0].map((value) => Math.round(1000 * value)).join();
+}
 
 // Counts the targets that this screen has seen reached in a session. One that came late, or lost its
 // connection, has not seen all and must not tell a number.
@@ -19,12 +23,18 @@ export class Count {
 
   begin(hasSeenAll) {
     this.trials = new Set(); // a trial that was paused after its target is done again
+    this.places = new Map(); // how often each target was reached
     this.hasSeenAll = hasSeenAll;
     this.hasOthers = false; // trials without a target: circles, holding, pushing
   }
 
   get reached() {
     return this.trials.size;
+  }
+
+  // How often a target was reached, by its place [m].
+  times(place) {
+    return this.places.get(placeOf(place)) ?? 0;
   }
 
   // Takes a message of therapy/state, with the one before or null; returns whether a target has
@@ -36,7 +46,10 @@ export class Count {
     if (state.state === RUNNING && state.kind && state.kind !== "reach") this.hasOthers = true;
     const isSame = before?.phase === REACHED && before.trial === state.trial;
     const isReached = state.phase === REACHED && !isSame;
-    if (isReached) this.trials.add(state.trial);
+    if (isReached && !this.trials.has(state.trial)) {
+      this.trials.add(state.trial);
+      this.places.set(placeOf(state.target), this.times(state.target) + 1);
+    }
     return isReached;
   }
 
@@ -82,7 +95,8 @@ const SILENT_MS = 1500;
 const TOLD_MS = 3000; // a session tells its state at 20 Hz
 const WISH_MS = 60;
 const AFTER_MS = 8000; // how long the end of a session is shown
-const FREE = { phase: 0, start: { x: 0, y: 0, z: 0.18 }, target: { x: 9, y: 9, z: 9 }, kind: "" };
+const BLOOM_MS = 500; // how long a flower opens
+const FREE = { phase: 0, start: { x: 0, y: 0, z: 0.18 }, kind: "" };
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
@@ -91,11 +105,13 @@ const world = {
   hand: { x: 0, y: 0, z: null, isKnown: false }, // isKnown: in the plane; z: null where it is not
   force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
-  heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, trials: 0,
+  heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, reachedAt: -Infinity, trials: 0,
+  seen: new Count(), bloom: 1, side: "right",
 };
-const seen = new Count();
+const { seen } = world;
 let play = null; // the FruitGame, "free", or null: the menu
 let bridge, config, robot;
+let stillness = { matches: false }; // whether who looks has asked for little motion
 let lastFrame = 0, lastWish = 0, frames = [];
 
 function hearEndpoint(message) {
@@ -116,7 +132,10 @@ function hearState(state) {
     world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
   }
-  if (seen.take(state, before, isNew)) sound.play("reached");
+  if (seen.take(state, before, isNew)) {
+    world.reachedAt = performance.now();
+    sound.play("reached");
+  }
   world.trials = state.trials;
   world.state = state;
 }
@@ -134,6 +153,7 @@ function frame(now) {
   const isHeard = now - world.heardAt < SILENT_MS;
   const picture = fitted(canvas);
   const inSession = isInSession();
+  world.bloom = stillness.matches ? 1 : Math.min((now - world.reachedAt) / BLOOM_MS, 1);
   if (inSession) SCENES[world.protocol?.space ?? "plane"](picture, world);
   else drawPlay(picture, dt, now, isHeard);
   showWords(inSession, isHeard, now - world.toldAt < TOLD_MS);
@@ -145,8 +165,9 @@ function drawPlay(picture, dt, now, isHeard) {
   const { hand } = world;
   if (play instanceof FruitGame) {
     const point = hand.isKnown ? [hand.x, hand.y, hand.z ?? 0.18] : null;
+    play.isStill = stillness.matches;
     if (isHeard && world.safety === SAFETY_OK) play.step(dt, point);
-    play.draw(picture, point);
+    play.draw(picture, point, world.side);
     const wish = play.wish(point);
     if (wish && config.wishes && now - lastWish > WISH_MS) {
       lastWish = now;
@@ -163,11 +184,15 @@ function showWords(inSession, isHeard, isTold) {
   const state = inSession ? world.state : null;
   const over = veil({ ...world, state, isHeard, isTold, reached, hasSeenAll, hasOthers });
   $("veil").hidden = !over;
-  if (over) put($("veil").children, over);
+  if (over) {
+    const [sign, ...words] = over;
+    put($("veil").querySelectorAll("h1, p"), words);
+    drawSign(fitted($("sign")), sign);
+  }
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
-  say($("task"), running && !over ? task(world.state) : "");
+  say($("task"), over ? "" : running ? task(world.state) : play === "free" ? SCREEN.freely : "");
   $("progress").hidden = !running;
   if (running) {
     const share = (100 * (world.state.trial - 1)) / Math.max(world.state.trials, 1);
@@ -196,8 +221,28 @@ function choose(game) {
   if (play instanceof FruitGame) play.sound = (name) => sound.play(name);
 }
 
+// Which hand the picture shows, as whoever sets up the screen has chosen; kept for this tab only, since
+// it tells something of the patient.
+function chooseHand(side) {
+  world.side = side;
+  sessionStorage.setItem("hand", side);
+  say($("hand"), SCREEN.hands[side]);
+  drawChoices();
+}
+
+function drawChoices() {
+  for (const { id, firstElementChild: icon } of $("choices").children) {
+    const { width, height } = icon;
+    const ctx = icon.getContext("2d");
+    ctx.clearRect(0, 0, width, height);
+    if (id === "free") drawHand(ctx, width / 2, height / 2, 0.42 * height, world.side);
+    else drawApple(ctx, width / 2, height / 2, 0.42 * height);
+  }
+}
+
 function makeButtons() {
   canvas.setAttribute("aria-label", SCREEN.picture);
+  $("progress").setAttribute("aria-label", SCREEN.progress);
   for (const id of ["back", "full", "hint"]) say($(id), SCREEN[id]);
   say($("sound"), SCREEN.soundOff);
   say($("menu").querySelector("h1"), SCREEN.menu);
@@ -215,11 +260,15 @@ function makeButtons() {
     ["fruit", () => new FruitGame()], ["free", () => "free"],
   ]) {
     const onclick = () => choose(make());
-    $("choices").append(el("button", { id, type: "button", onclick }, SCREEN[id]));
+    const icon = el("canvas", { width: 240, height: 200 });
+    $("choices").append(el("button", { id, type: "button", onclick }, icon, SCREEN[id]));
   }
+  $("hand").onclick = () => chooseHand(world.side === "left" ? "right" : "left");
+  chooseHand(sessionStorage.getItem("hand") === "left" ? "left" : "right");
 }
 
 async function main() {
+  stillness = matchMedia("(prefers-reduced-motion: reduce)");
   makeButtons();
   requestAnimationFrame(frame);
   const token = ownToken();

@@ -9,7 +9,7 @@ import { isUnderWay, targetsOf } from "../link.js";
 import { PAGE } from "../words.js";
 
 const TRAIL = 240; // points
-const PER_NEWTON = 0.002; // length of the force's arrow [m/N]
+const PER_NEWTON = 0.005; // length of the force's arrow [m/N]
 const VIEWS = [
   { title: PAGE.above, of: ({ x, y }) => [x, y], low: [-0.2, -0.2], high: [0.2, 0.2] },
   { title: PAGE.side, of: ({ y, z }) => [y, z], low: [-0.2, -0.02], high: [0.2, 0.38] },
@@ -18,8 +18,8 @@ const VIEWS = [
 export class Views {
   constructor() {
     this.trail = [];
-    this.canvases = VIEWS.map(({ title }) => el("canvas", { ariaLabel: title }));
-    this.element = el("section", { className: "card" }, el("h2", {}, PAGE.hand),
+    this.canvases = VIEWS.map(({ title }) => el("canvas", { role: "img", ariaLabel: title }));
+    this.element = el("section", { className: "card hand" }, el("h2", {}, PAGE.hand),
       el("div", { className: "views" }, ...VIEWS.map(({ title }, i) =>
         el("figure", {}, this.canvases[i], el("figcaption", {}, title)))));
   }
@@ -54,13 +54,13 @@ export class Views {
     const [x, y] = place(of({ ...endpoint.position, z: endpoint.position.z ?? 0 }));
     const [fx, fy] = of(endpoint.force).map((value) => (value ?? 0) * PER_NEWTON);
     const scale = width / (high[0] - low[0]);
-    arrow(ctx, x, y, fx * scale, -fy * scale, INK, 2.5);
     disc(ctx, x, y, Math.max(8, width / 36), BLUE, "#fff", 2);
+    arrow(ctx, x, y, fx * scale, -fy * scale, INK, 2.5);
   }
 }
 
 function drawGrid(ctx, place, low, high, width, height) {
-  const size = Math.max(10, width / 32);
+  const size = Math.max(11, width / 32);
   ctx.strokeStyle = LINE;
   ctx.lineWidth = 1;
   ctx.beginPath();
@@ -91,46 +91,69 @@ function drawWorkspace(ctx, place, of, limits) {
   ctx.setLineDash([]);
 }
 
+// Writes the axis at the end of each trace, one below the other where they meet.
+function nameEnds({ ctx, bbox, data, valToPos }) {
+  const size = FONT * (window.devicePixelRatio || 1);
+  let last = -Infinity;
+  PAGE.axes.map(([name], i) => ({ name, value: data[i + 1].at(-1), colour: COLOURS[i] }))
+    .filter(({ value }) => typeof value === "number")
+    .map((end) => ({ ...end, y: valToPos(end.value, "y", true) }))
+    .sort((one, other) => one.y - other.y)
+    .forEach(({ name, y, colour }) => {
+      last = Math.max(y, last + 0.9 * size);
+      text(ctx, name, bbox.left + bbox.width + 0.8 * size, last, size, colour, "center", 700);
+    });
+}
+
 const SECONDS = 20;
 const MOST = 1400; // points
 const FONT = 0.85 * parseFloat(getComputedStyle(document.documentElement).fontSize); // [pixel]
 const COLOURS = [BLUE, VERMILLION, GREEN];
 const DASHES = [[], [8, 4], [2, 3]];
+const STYLES = ["solid", "dashed", "dotted"]; // of the keys
 
 export class Traces {
   constructor() {
     this.times = [];
     this.plots = [
-      this.plot(PAGE.position, [-20, 40]),
-      this.plot(PAGE.force, [-20, 20]),
+      this.plot(PAGE.position, [-20, 40], false),
+      this.plot(PAGE.force, [-20, 20], true),
     ];
-    this.element = el("section", { className: "card" }, el("h2", {}, PAGE.traces),
+    const keys = PAGE.axes.map((label, i) => {
+      const style = `border-color: ${COLOURS[i]}; border-style: ${STYLES[i]}; border-width: 0`;
+      return el("span", { style }, label);
+    });
+    this.element = el("section", { className: "card traces" },
+      el("div", { className: "row" }, el("h2", {}, PAGE.traces), el("p", { className: "keys" }, ...keys)),
       ...this.plots.map(({ box }) => box));
     new ResizeObserver(() => this.resize()).observe(this.element);
     this.first = null;
   }
 
-  plot(title, range) {
+  // hasTimes: the time stands below this plot, for all.
+  plot(title, range, hasTimes) {
     const font = `${FONT}px system-ui, sans-serif`;
-    const box = el("div", { className: "trace" }, el("h3", {}, title));
-    const series = PAGE.axes.map((label, i) => ({
-      label, stroke: COLOURS[i], width: 2, dash: DASHES[i], value: (_, v) => v?.toFixed(1) ?? "–",
-    }));
+    const place = el("div", { className: "plot", role: "img", ariaLabel: title });
+    const box = el("div", { className: "trace" }, el("h3", {}, title), place);
+    const series = PAGE.axes.map((_, i) => ({ stroke: COLOURS[i], width: 2, dash: DASHES[i] }));
     const options = {
-      width: 300, height: 11 * FONT, series: [{ label: "s", value: (_, v) => v?.toFixed(1) ?? "–" }, ...series],
+      width: 300, height: 100, series: [{}, ...series], padding: [FONT / 2, 1.6 * FONT, 0, 0],
       scales: {
         x: { time: false },
         y: { range: (_, low, high) => [Math.min(range[0], low ?? 0), Math.max(range[1], high ?? 0)] },
       },
-      axes: [{ font, size: 2.2 * FONT }, { font, size: 3.6 * FONT }], cursor: { show: false },
-      legend: { live: false },
+      axes: [{
+        font, stroke: INK, size: hasTimes ? 2 * FONT : 4, ...(hasTimes ? {} : { values: (_, times) => times.map(() => "") }),
+      }, { font, size: 3.2 * FONT, stroke: INK }], cursor: { show: false },
+      legend: { show: false }, hooks: { draw: [nameEnds] },
     };
-    return { box, plot: new uPlot(options, [[], [], [], []], box), columns: [[], [], []] };
+    return { box, place, plot: new uPlot(options, [[], [], [], []], place), columns: [[], [], []] };
   }
 
   resize() {
-    const width = this.element.clientWidth - 32;
-    if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height: 11 * FONT });
+    for (const { place, plot } of this.plots) {
+      if (place.clientWidth > 50) plot.setSize({ width: place.clientWidth, height: place.clientHeight });
+    }
   }
 
   take({ header, position, force }) {

@@ -4,7 +4,7 @@
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
 import {
-  PAGE, failure, robotTitle, safetySentence, sessionSentence, stopFailed,
+  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed,
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
@@ -15,6 +15,10 @@ const SILENT_MS = 3000;
 const LIMITS_MS = 5000; // another therapist's page may set them
 const VIEW_MS = 30, TRACE_MS = 100; // who supervises needs no more pictures than these
 
+function column(...cards) {
+  return el("div", { className: "column" }, ...cards.map(({ element }) => element));
+}
+
 export class RobotPanel {
   constructor(robot, config, bridge) {
     this.robot = robot;
@@ -23,6 +27,7 @@ export class RobotPanel {
     this.heard = {};
     const call = (service, args) => bridge.call(named(robot, service), args);
     this.sentence = el("p", { className: "state", role: "status" });
+    this.badge = el("p", { className: "badge" });
     this.reasons = el("p", { className: "reasons", role: "status" });
     this.stop = el("button", { type: "button", className: "stop", onclick: () => this.softwareStop() },
       PAGE.stop, el("small", {}, PAGE.notEmergency));
@@ -33,9 +38,9 @@ export class RobotPanel {
     this.movements = new MovementsCard(config.measures);
     this.element = el("article", { className: "robot", id: `robot${robot.replaceAll("/", "-")}` },
       el("section", { className: "card top" },
-        el("div", {}, el("h2", {}, robotTitle(robot, config.robots)), this.sentence, this.reasons), this.stop),
-      this.session.element, this.views.element, this.traces.element, this.movements.element,
-      this.limits.element);
+        el("div", { className: "about" }, ...(config.robots.length > 1 ? [el("h2", {}, robotTitle(robot))] : []),
+          this.badge, this.sentence, this.reasons), this.stop),
+      column(this.session, this.limits), column(this.views, this.traces), column(this.movements));
     this.hear("endpoint_state", (message) => {
       this.views.take(message);
       this.traces.take(message);
@@ -90,7 +95,11 @@ export class RobotPanel {
     // Drawn with the sentences, whichever topic came last: no button contradicts what they say.
     this.session.show(this.heard["therapy/state"]?.message, this.isStopped());
     say(this.sentence, sessionSentence(state, this.protocols));
-    const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint, state);
+    const safety = this.newest("safety_state");
+    const [word, kind] = badge(state, safety);
+    say(this.badge, word);
+    this.badge.className = `badge ${kind}`;
+    const [reason, isBad] = safetySentence(safety, endpoint, state);
     say(this.reasons, reason);
     this.reasons.classList.toggle("bad", isBad);
     const shown = this.protocols.find(({ protocol }) => protocol === state?.protocol);

@@ -4,7 +4,7 @@
 
 import { el, say } from "../draw.js";
 import { isUnderWay } from "../link.js";
-import { PAGE, changeSentence, measureTitle, resultSentence } from "../words.js";
+import { PAGE, assistanceSentence, changeSentence, measureTitle, resultSentence } from "../words.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
@@ -38,12 +38,15 @@ export class MovementsCard {
     this.begin("");
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
-    this.list = el("ul", { className: "changes" });
+    this.now = el("p", { className: "now" });
+    this.list = el("ul", { className: "changes", tabIndex: 0, ariaLabel: PAGE.changes });
     const titles = ["#", PAGE.reached, ...this.measures.map(measureTitle)];
+    this.table = el("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: PAGE.results },
+      el("table", {}, el("thead", {}, el("tr", {}, ...titles.map((title) => el("th", { scope: "col" }, title)))),
+        this.body));
     this.element = el("section", { className: "card results" }, el("h2", {}, PAGE.results), this.summary,
-      el("div", { className: "scroll" }, el("table", {},
-        el("thead", {}, el("tr", {}, ...titles.map((title) => el("th", {}, title)))), this.body)),
-      el("h2", {}, PAGE.assistance), this.list);
+      this.table,
+      el("h2", {}, PAGE.assistance), this.now, this.list);
     this.show();
   }
 
@@ -64,8 +67,9 @@ export class MovementsCard {
     this.isShown = false;
   }
 
-  // Forgets the movements of the session before, as soon as another one is on.
+  // Shows the assistance in use; forgets the movements of the session before, as soon as another one is on.
   follow(state) {
+    say(this.now, assistanceSentence(state));
     const { patient, protocol, trial } = state;
     const session = `${patient} ${protocol}`;
     const last = this.trials.at(-1);
@@ -86,6 +90,7 @@ export class MovementsCard {
   show() {
     if (this.isShown) return;
     this.isShown = true;
+    this.table.hidden = !this.trials.length;
     const reaches = this.trials.filter(isReach);
     const alone = reaches.filter((trial) => !trial.assisted);
     say(this.summary, this.trials.length

@@ -57,7 +57,7 @@ export class SessionCard {
         el("label", { className: "check" }, this.record, PAGE.record), this.start, this.pause,
         this.resume, this.end, this.save));
     form.noValidate = true;
-    this.element = el("section", { className: "card" }, el("h2", {}, PAGE.session), form, this.told);
+    this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
   }
 
