@@ -93,7 +93,6 @@ class StateMachine:
     def __init__(self, option: Callable[[int], int]):
         self._option = option
         self.after_stop: int | None = None
-        self._last_controlword = 0
         self.state = NOT_READY
 
     @property

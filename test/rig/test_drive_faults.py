@@ -119,3 +119,8 @@ def test_a_fault_whose_cause_lasts_outlives_a_reset(torque_drive):
     drive.run(30)
     assert drive.statusword()[:2] == "18"
     assert drive.read(1, "603F:00") == "1042"
+    drive.rig.inject("drive", "clear", 0, 0, drive.now_ns)
+    drive.ask(0x000, "81 01")
+    drive.run(30)
+    assert drive.statusword() == "5002"
+    assert drive.read(1, "603F:00") == "0000"
