@@ -152,6 +152,12 @@ def test_a_make_may_have_its_deadline_from_power_on(make_of):
     assert drive.ask(0x201, "06 00") == []
     assert drive.run(19) == []
     assert drive.run(1) == [(0x081, "50 82 11 00 00 00 00 00")]
+    drive.send(0x201, "06 00")
+    drive.ask(0x000, "81 01")
+    assert drive.run(30) == [(0x701, "00")]  # and a reset disarms it
+    drive.silence(1)
+    drive.start(1)
+    assert drive.run(100) == []
 
 
 def test_a_make_may_have_its_deadline_in_periods_of_sync(make_bench):
