@@ -45,7 +45,6 @@ class Link:
         self.faults: dict[str, float] = {}
         self._random = random.Random(zlib.crc32(device.encode()))
         self._held: Frame | None = None
-        self._held_ns = 0
         self._late: list[tuple[int, Frame]] = []
         self._flooded_ns = 0
         port.members.append(self.received)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import canopen
-from canopen.objectdictionary import NUMBER_TYPES, ODRecord, ODVariable, datatypes
+from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError
 
 from screw_module_ros.profiles import ObjectTrait, key_of
@@ -137,7 +137,6 @@ class ObjectDictionary(canopen.LocalNode):
         """Write an object as a master would; SdoAbortedError when the device refuses."""
         variable = self.variable(index, subindex)
         require(variable.writable or not check_writable, READ_ONLY)
-        require(variable.data_type in NUMBER_TYPES, READ_ONLY)
         require(8 * len(data) == len(variable), WRONG_LENGTH)
         value = _number(variable, bytes(data))
         require(variable.max is None or value <= variable.max, VALUE_TOO_HIGH)

@@ -140,6 +140,26 @@ def test_torque_offset_adds_in_cyclic_mode(torque_drive):
     assert torque_drive.world.vertical_command == pytest.approx(0.2 * 2.625)
 
 
+def test_the_torque_offset_may_come_with_each_command(drive):
+    drive.write(1, "1400:01", "01020080")
+    drive.write(1, "1600:00", "00")
+    for number, entry in enumerate(("10004060", "1000B260"), 1):
+        assert drive.write(1, f"1600:0{number}", entry) == "ok"
+    drive.write(1, "1600:00", "02")
+    drive.write(1, "1400:01", "01020000")
+    drive.write(1, "6060:00", "0A")
+    drive.start(1)
+    drive.enable("64 00")
+    assert drive.world.vertical_command == pytest.approx(0.1 * 2.625)
+    assert drive.read(1, "60B2:00") == "6400"
+
+
+def test_per_mille_are_those_of_the_rating_that_the_master_has_written(torque_drive):
+    torque_drive.write(1, "6076:00", "48030000")  # 840 mNm
+    torque_drive.enable("64 00")
+    assert torque_drive.world.vertical_command == pytest.approx(0.1 * 5.25)
+
+
 def test_disabled_means_coasting(torque_drive):
     drive = torque_drive
     drive.enable("F4 01")

@@ -318,13 +318,13 @@ class Steps:
         self.clock = SimulatedClock(Page(f"test_{uuid.uuid4().hex}"), "test")
         self.hub = RigHub(f"bus_{uuid.uuid4().hex[:8]}")
         self.reached_ns: list[int] = []
-        self._conductor = Conductor(self.clock.page, 0.0, pytest.fail)
+        self.conductor = Conductor(self.clock.page, 0.0, pytest.fail)
         self.rig = Rig({"encoder": self.hub}, world, self.clock)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._serve)
 
     def _serve(self):
-        self.rig.run_in_steps(self._conductor, self._stop.is_set, self.reached_ns.append)
+        self.rig.run_in_steps(self.conductor, self._stop.is_set, self.reached_ns.append)
 
     def start(self):
         self._thread.start()
@@ -333,7 +333,7 @@ class Steps:
         self._stop.set()
         self._thread.join(5.0)
         self.hub.shutdown()
-        self._conductor.close()
+        self.conductor.close()
         self.clock.leave()
         self.clock.page.close()
 
@@ -353,6 +353,19 @@ def test_a_bus_is_joined_by_who_holds_simulated_time(steps):
         driver = RigBus(steps.hub.channel_info.removeprefix("rig "))
         driver.shutdown()
         assert steps.clock.now_ns() == begin_ns
+
+
+def test_time_that_is_early_waits(steps, monkeypatch):
+    early_s, slept_s = iter((0.5, 0.5)), []
+    monkeypatch.setattr(steps.conductor, "too_early", lambda: next(early_s, 0.0))
+    sleep = steps.conductor.sleep
+    monkeypatch.setattr(
+        steps.conductor, "sleep", lambda seconds: slept_s.append(seconds) or sleep(0.0)
+    )
+    with steps.clock.working():
+        steps.start()
+        steps.clock.sleep_until(steps.clock.now_ns() + MS)
+    assert slept_s.count(0.5) == 2
 
 
 def test_a_request_in_simulated_time_is_answered_before_time_goes_on(steps, monkeypatch):
