@@ -124,3 +124,12 @@ def test_a_fault_whose_cause_lasts_outlives_a_reset(torque_drive):
     drive.run(30)
     assert drive.statusword() == "5002"
     assert drive.read(1, "603F:00") == "0000"
+
+
+def test_a_drive_that_drops_out_lets_go_at_once(torque_drive):
+    drive = torque_drive
+    drive.enable("F4 01")
+    drive.rig.inject("drive", "disable", 0, 0, drive.now_ns)
+    drive.run(0)
+    assert drive.statusword() == "5002"
+    assert not drive.world.vertical_powered
