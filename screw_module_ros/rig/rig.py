@@ -85,7 +85,6 @@ class Rig:
         if unknown or not buses:
             raise ValueError(f"buses: {unknown or 'none'}; some of {', '.join(BUSES)} are wanted")
         settings = validated(settings or RigSettings())
-        self.world = world
         clock = self._clock = clock or WallClock()
         latency_ns = round(settings.command_latency * 1e9)
         self.physics = Physics(world, clock.simulated, period_ns, latency_ns)

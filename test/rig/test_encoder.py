@@ -75,6 +75,7 @@ def test_the_offset_of_a_linear_encoder_has_a_sign(make_bench):
     assert encoder.read(2, "6004:00") == "e8030000"
     assert encoder.read(2, "6509:00") == (1000 - 19050).to_bytes(4, "little", signed=True).hex()
     assert encoder.write(2, "6002:00", "00100000") == "06010002"  # read-only at this make
+    assert encoder.write(2, "6000:00", "0100") == "06090030"  # it does not scale
     assert encoder.write(2, "6000:00", "0800") == "ok"  # the other direction
     encoder.world.encoder_count = 0
     assert encoder.read(2, "6004:00") == (1000 - 19050).to_bytes(4, "little", signed=True).hex()

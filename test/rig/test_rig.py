@@ -194,6 +194,16 @@ def test_a_bus_without_a_descriptor_is_looked_at_now_and_then(make_bench):
     assert clock.time_ns == MS + 4 * 200_000
 
 
+def test_a_rig_that_goes_on_after_a_pause_has_not_slipped(make_bench):
+    clock = RealTime(3 * MS)
+    rig = make_bench("encoder", booted=False, clock=clock).rig
+    rig.process(3 * MS)
+    clock.time_ns += 10_000 * MS
+    turns = iter(range(5))
+    rig.run(lambda: next(turns) == 4)
+    assert rig.counters.slipped == 0
+
+
 @pytest.mark.parametrize(("period_ns", "looks_us"), [
     (MS, [1000, 1600, 2600, 3600]),
     (4 * MS, [1000, 1600, 2600, 3600]),
