@@ -31,6 +31,14 @@ def test_bad_mapping_entries_are_refused(encoder, entry, code):
     assert encoder.write(2, "1A00:01", entry) == code
 
 
+def test_a_mapping_with_an_entry_that_was_never_written_is_refused(encoder):
+    encoder.silence(2)
+    encoder.write(2, "1A00:00", "00")
+    assert encoder.write(2, "1A00:01", "10000365") == "ok"
+    assert encoder.write(2, "1A00:00", "04") == "06020000"
+    assert encoder.write(2, "1A00:00", "01") == "ok"
+
+
 def test_a_mapping_beyond_eight_bytes_is_refused(encoder):
     encoder.silence(2)
     encoder.write(2, "1A00:00", "00")
