@@ -36,6 +36,7 @@ def test_a_mapping_with_an_entry_that_was_never_written_is_refused(encoder):
     encoder.write(2, "1A00:00", "00")
     assert encoder.write(2, "1A00:01", "10000365") == "ok"
     assert encoder.write(2, "1A00:00", "04") == "06020000"
+    assert encoder.read(2, "1A00:00") == "00"  # and so it is not there
     assert encoder.write(2, "1A00:00", "01") == "ok"
 
 
