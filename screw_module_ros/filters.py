@@ -116,9 +116,12 @@ def clear_highpass(highpass: Highpass) -> None:
     clear(highpass.second)
 
 
-def envelope(largest: float, value: float, dt: float) -> float:
-    """Return the largest recent size of a value, dt [s] after `largest`; both in its unit."""
-    return max(abs(value), largest * math.exp(-dt / RECENT))
+def envelope(largest: float, value: float, dt: float, recent: float = RECENT) -> float:
+    """Return the largest recent size of a value, dt [s] after `largest`; both in its unit.
+
+    recent: time constant with which it falls [s].
+    """
+    return max(abs(value), largest * math.exp(-dt / recent))
 
 
 def velocity_settled(position: float) -> VelocityState:

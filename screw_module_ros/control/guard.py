@@ -1,23 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guard of the force gains: takes them away when the handle oscillates (thesis 6.4.3, 7.1).
+"""Guard of the force gains: a damper and less gain while the robot drives what holds the handle.
 
-No force gain is stable against every load on the handle. The guard has one share, by which the law
-multiplies its force gains, and two detectors.
+No force gain is stable against every load on the handle (thesis 6.4.3, 7.1). Two elements watch for
+the oscillation. Both act in proportion, and both are over when their cause is over.
 
-*Chatter* (`guard_step`): an oscillation faster than a hand can move. The rms of the handle force
-above `CHATTER_HZ` exceeds the limit for `LASTING`, which is longer than the jolt of a reversal.
+*Passivity* (`Passivity`). Above `RAPID_HZ` the robot shows the hand the resistance
 
-*Outflow* (`outflow_step`): an oscillation that the robot feeds, also at 2 to 6 Hz, where hands
-tremble. The direction of the power tells the two apart. A hand that trembles drives the robot,
-which takes power from it; a robot that drives an oscillation gives power to what holds the handle
-(passivity observer: Hannaford and Ryu 2002). A spring alone takes no mean power, so the share of
-the power that counts has a threshold, and motion slower than `OUTFLOW_HZ` is left out. A robot that
-pushes a hand once gives power too: only a force that has turned several times counts.
+    R = <e v> / <v^2>     [Ns/m]
 
-Either one trips the guard. Its share falls to zero within `FALL`, and the law puts a damper in
-place of the gains. The share returns within `RETURN`, but only up to a ceiling, a part of the share
-at which the oscillation began. The ceiling rises again with the time constant `FORGET`. So a
-contact that is unstable at full gain does not oscillate every few seconds.
+beside the impedance asked for: e = Fpd + F, with F the patient's force and Fpd that of spring and
+dampers, v the velocity of the nut, both rapid, < > a mean over `WINDOW`. A hand that trembles
+drives the robot: R is positive. A robot that drives an oscillation gives power to what holds the
+handle: R is negative (passivity observer: Hannaford and Ryu 2002). A set point that moves the hand
+gives power too, but by Fpd, which e leaves out. What is missing to `PASSIVE` is `need`. The law
+puts a damper of this size into Fpd, so the need does not fall when it acts. It is kept for `KEPT`
+seconds. The damper acts through a high pass: one for all speeds would weigh a kilogram on a hand in
+motion. The corner is half of the oscillation's own frequency, sqrt(<a^2> / <v^2>).
+
+Beyond `BEGIN` the force gain falls as well, and is gone at `END`.
+
+*Chatter* (`Chatter`). On a soft contact a heavy arm oscillates at 90 to 140 Hz. There the nut moves
+by less than one count, and no velocity shows it. The rms of the force above a corner counts alone,
+when it lasts longer than a knock in the play of the screw.
 """
 
 from __future__ import annotations
@@ -28,151 +32,155 @@ from dataclasses import dataclass, field
 from ..filters import Highpass, clear_highpass, rapid, tune_highpass
 from .limits import clamp
 
-CHATTER_HZ = 6.0  # twice first order: of 5 Hz of tremor 41 % pass, of 3 Hz 20 %
-WINDOW = 0.05  # [s] of the mean square, exponential
-LASTING = 0.2  # [s] for which the force must oscillate, or the robot feed the oscillation
-CLIPPED = 3.0  # of the limit: one jolt is no chatter, however hard
-QUIET = 0.5  # of the limit: below it the oscillation is over
-FALL = 0.1  # [s]
-RETURN = 3.0  # [s]
-FORGET = 60.0  # [s]
-KEPT_SHARE = 0.4  # of the share at which the oscillation began
+RAPID_HZ = 3.0  # twice first order, of force and velocity alike: equal phases
+WINDOW = 0.06  # [s] of the means
+PASSIVE = 2.0  # [Ns/m] resistance that the handle shall show at least
+MOST_NEED = 150.0  # [Ns/m]
+KEPT = 1.0  # [s] time constant with which a need falls
+BEGIN, END = 20.0, 100.0  # [Ns/m] need from which the gain falls, at which it is gone
+SLOW, QUICK = 20.0, 35.0  # [rad/s] a hand's own motion; from where all of an oscillation counts
+OF_FREQUENCY = 0.5  # corner of the damper's high pass, of the oscillation's frequency
+LOWEST, HIGHEST = 18.0, 200.0  # [rad/s] of that corner
+STILL = 1e-9  # [m^2/s^2] added to <v^2>: a nut that does not move shows no resistance
 
-OUTFLOW_HZ = 2.0  # twice first order, of force and velocity alike: equal phases
-POWER_WINDOW = 0.1  # [s] of the means, twice exponential: passes 7 % of the power's ripple at 3 Hz
-LOST_SHARE = 0.06  # -mean(F v) / (rms F rms v) from which the robot counts as the source
-TURNED = 2.5  # recent reversals of the force that make an oscillation
-TURN_FORGET = 1.0  # [s] time constant with which reversals are forgotten
-NOTABLE = 0.25  # of the least force: a smaller one of the other sign is no reversal
-STEADY = 0.9  # least ratio of the force's mean square to its slower mean: below, it dies away
+CHATTER_HZ = 60.0
+CHATTER_WINDOW = 0.05  # [s] of the mean square
+CLIPPED = 3.0  # of the limit: one knock is no chatter, however hard
+LASTING = 0.05  # [s] at twice the limit, from which the gain falls
+GROWTH = 10.0  # [1/s] of the excess at twice the limit; the gain is gone after 0.1 s more
+RETURN = 0.3  # [s] in which the gain comes back
 
 
 @dataclass(slots=True)
-class Mean:
-    """Mean over `POWER_WINDOW`, and the mean of that mean."""
+class Chatter:
+    """Memory of the chatter: high pass of the force, mean square of its output [N^2], and how long
+    it has been above the limit, `excess`: from 0.5 the gain falls, at 1.5 it is gone."""
 
-    once: float = 0.0
-    twice: float = 0.0
+    fast: Highpass = field(default_factory=Highpass)
+    mean_square: float = 0.0
+    excess: float = 0.0
+
+
+@dataclass(slots=True)
+class Passivity:
+    """Memory of the passivity element.
+
+    error, velocity: high passes; last: rapid velocity of the last sample [m/s]; means of the power
+    from patient to robot [W] and of the squares of error [N^2], velocity [m^2/s^2] and acceleration
+    [m^2/s^4]; slow: velocity below the damper's corner [m/s]; need [Ns/m].
+    """
+
+    error: Highpass = field(default_factory=Highpass)
+    velocity: Highpass = field(default_factory=Highpass)
+    last: float = 0.0
+    power: float = 0.0
+    error_square: float = 0.0
+    velocity_square: float = 0.0
+    acceleration_square: float = 0.0
+    slow: float = 0.0
+    need: float = 0.0
 
 
 @dataclass(slots=True)
 class Guard:
-    """The guard's memory; the defaults are a guard that has seen nothing.
+    """Both elements, and the share of the force gains that they leave, 0 to 1."""
 
-    share: of the force gains that remains, 0 to 1; ceiling: largest share to which it may return;
-    tripped: the handle oscillates now. Chatter: `chatter`, high pass of the force; mean_square: of
-    its output [N^2]; above: time over the limit, weighted by the excess [s]. Outflow: `force` and
-    `velocity`, high passes; means of the squares [N^2], [m^2/s^2] and of the power from patient to
-    robot [W]; side: of the rapid force, 1 or -1; turns: recent changes of the side, older ones
-    count less; fed: time for which the robot has been the source, weighted by the excess [s].
-    """
-
+    passivity: Passivity = field(default_factory=Passivity)
+    chatter: Chatter = field(default_factory=Chatter)
     share: float = 1.0
-    ceiling: float = 1.0
-    tripped: bool = False
-    chatter: Highpass = field(default_factory=Highpass)
-    mean_square: float = 0.0
-    above: float = 0.0
-    force: Highpass = field(default_factory=Highpass)
-    velocity: Highpass = field(default_factory=Highpass)
-    force_square: Mean = field(default_factory=Mean)
-    velocity_square: Mean = field(default_factory=Mean)
-    power: Mean = field(default_factory=Mean)
-    side: float = 1.0
-    turns: float = 0.0
-    fed: float = 0.0
 
 
 def tune_guard(guard: Guard, dt: float) -> None:
     """Prepare the filters for a sample time dt [s]."""
-    tune_highpass(guard.chatter, CHATTER_HZ, dt)
-    tune_highpass(guard.force, OUTFLOW_HZ, dt)
-    tune_highpass(guard.velocity, OUTFLOW_HZ, dt)
+    tune_highpass(guard.passivity.error, RAPID_HZ, dt)
+    tune_highpass(guard.passivity.velocity, RAPID_HZ, dt)
+    tune_highpass(guard.chatter.fast, CHATTER_HZ, dt)
 
 
-def guard_step(guard: Guard, force: float, limit: float, dt: float) -> None:
-    """Process a sample of the handle force [N], dt [s] after the last one.
+def guard_step(
+    guard: Guard, force: float, error: float, velocity: float, least: float, limit: float, dt: float
+) -> None:
+    """Judge a sample, dt [s] after the last one.
 
-    limit: rms of the rapid force [N], infinite where no force gain acts.
+    force: of the patient on the robot; error: the same with the impedance's force [N]; velocity: of
+    the nut, without a lag behind them [m/s]; least: rms of the rapid error below which no
+    resistance counts, limit: rms of the force beyond which chatter counts [N].
     """
-    fast = clamp(rapid(guard.chatter, force), -CLIPPED * limit, CLIPPED * limit)
-    guard.mean_square += (fast * fast - guard.mean_square) * min(1.0, dt / WINDOW)
-    rms = math.sqrt(guard.mean_square)
-    # A stronger oscillation trips the guard sooner, because an instability must not grow.
-    guard.above = guard.above + dt * rms / limit if rms > limit else 0.0
-    was, fed = guard.tripped, guard.fed > LASTING
-    if was:
-        guard.tripped = fed or rms > QUIET * limit or guard.share > 0.0
-    else:
-        guard.tripped = fed or guard.above > LASTING
-    guard.ceiling = clamp(guard.ceiling + dt / FORGET, 0.0, 1.0)
-    if guard.tripped and not was:
-        guard.ceiling = KEPT_SHARE * guard.share
-    if guard.tripped:
-        share = guard.share - dt / FALL
-    else:
-        share = min(guard.share + dt / RETURN, guard.ceiling)
-    guard.share = clamp(share, 0.0, 1.0)
+    element = guard.passivity
+    bound = CLIPPED * least + 2.0 * math.sqrt(element.error_square)  # of one knock
+    fast = clamp(rapid(element.error, error), -bound, bound)
+    speed = rapid(element.velocity, velocity)
+    acceleration, element.last = (speed - element.last) / dt, speed
+    weight = min(1.0, dt / WINDOW)
+    element.power += weight * (fast * speed - element.power)
+    element.error_square += weight * (fast * fast - element.error_square)
+    element.velocity_square += weight * (speed * speed - element.velocity_square)
+    changes = acceleration * acceleration - element.acceleration_square
+    element.acceleration_square += weight * changes
+    motion = element.velocity_square + STILL
+    frequency = math.sqrt(element.acceleration_square / motion)
+    element.need *= math.exp(-dt / KEPT)
+    seen = math.sqrt(element.error_square) / least - 1.0
+    if seen > 0.0:
+        missing = clamp(PASSIVE - element.power / motion, 0.0, MOST_NEED)
+        missing *= clamp((frequency - SLOW) / (QUICK - SLOW), 0.0, 1.0)
+        element.need = max(element.need, min(1.0, seen) * missing)
+    corner = clamp(OF_FREQUENCY * frequency, LOWEST, HIGHEST)
+    element.slow += min(1.0, corner * dt) * (velocity - element.slow)
+    by_need = clamp((END - element.need) / (END - BEGIN), 0.0, 1.0)
+    guard.share = by_need * chatter_step(guard.chatter, force, limit, dt)
 
 
-def outflow_step(guard: Guard, force: float, velocity: float, least: float, dt: float) -> None:
-    """Note for how long the robot has fed an oscillation, dt [s] after the last sample.
+def damper_force(element: Passivity, velocity: float, weight: float, most: float) -> float:
+    """Return the force that the damper takes from the spring's [N].
 
-    force: of the patient on the robot [N] and velocity of the nut [m/s], without a lag between
-    them; least: rms of the rapid force below which nothing counts [N].
+    velocity: of the nut [m/s]; weight: of the parts that the guard watches over, 0 to 1; most:
+    largest damper [Ns/m]. The high pass passes 1 / (1 + OF_FREQUENCY^2) of the oscillation in
+    phase with its velocity; the damper is larger by as much.
     """
-    fast, speed = rapid(guard.force, force), rapid(guard.velocity, velocity)
-    weight = min(1.0, dt / POWER_WINDOW)
-    _average(guard.force_square, fast * fast, weight)
-    _average(guard.velocity_square, speed * speed, weight)
-    _average(guard.power, fast * speed, weight)
-    guard.turns *= 1.0 - min(1.0, dt / TURN_FORGET)
-    if fast * guard.side < -NOTABLE * least:
-        guard.side = -guard.side
-        guard.turns += 1.0
-    rms = math.sqrt(guard.force_square.twice)
-    power = guard.power.twice
-    source = power < -LOST_SHARE * rms * math.sqrt(guard.velocity_square.twice)
-    lives = guard.force_square.once > STEADY * guard.force_square.twice
-    if rms <= least or power >= 0.0 or guard.turns < TURNED:
-        guard.fed = 0.0
-    elif source and lives:  # else it keeps its value: the power ripples
-        guard.fed += dt * rms / least
+    size = min((1.0 + OF_FREQUENCY * OF_FREQUENCY) * element.need, most)
+    return weight * size * (velocity - element.slow)
 
 
-def forget_chatter(guard: Guard) -> None:
+def chatter_step(chatter: Chatter, force: float, limit: float, dt: float) -> float:
+    """Return the share of the gain that chatter leaves, 0 to 1.
+
+    force: one sample [N], dt [s] after the last one; limit: rms above the corner [N].
+    """
+    fast = clamp(rapid(chatter.fast, force), -CLIPPED * limit, CLIPPED * limit)
+    chatter.mean_square += min(1.0, dt / CHATTER_WINDOW) * (fast * fast - chatter.mean_square)
+    over = math.sqrt(chatter.mean_square) / limit - 1.0
+    change = GROWTH * over if over > 0.0 else -1.0 / RETURN
+    chatter.excess = clamp(chatter.excess + dt * change, 0.0, LASTING * GROWTH + 1.0)
+    return share_left(chatter)
+
+
+def share_left(chatter: Chatter) -> float:
+    """Return the share of the gain that chatter leaves, 0 to 1."""
+    return min(1.0, 1.0 + LASTING * GROWTH - chatter.excess)
+
+
+def forget_chatter(chatter: Chatter) -> None:
+    """Forget the oscillation: the whole share is back."""
+    clear_highpass(chatter.fast)
+    chatter.mean_square, chatter.excess = 0.0, 0.0
+
+
+def forget(guard: Guard) -> None:
     """Forget all oscillations: the whole share is back."""
-    clear_highpass(guard.chatter)
-    guard.share, guard.ceiling, guard.tripped = 1.0, 1.0, False
-    guard.mean_square, guard.above = 0.0, 0.0
-
-
-def forget_outflow(guard: Guard) -> None:
-    """Forget what the robot fed; the share and the detection of chatter go on."""
-    clear_highpass(guard.force)
-    clear_highpass(guard.velocity)
-    for mean in (guard.force_square, guard.velocity_square, guard.power):
-        mean.once = 0.0
-        mean.twice = 0.0
-    guard.side, guard.turns, guard.fed = 1.0, 0.0, 0.0
-
-
-def damper_share(guard: Guard) -> float:
-    """Return the weight of the damper: 1 while the share is zero, 0 when it is at the ceiling."""
-    if guard.share >= guard.ceiling:
-        return 0.0
-    return 1.0 - guard.share / guard.ceiling
+    element = guard.passivity
+    clear_highpass(element.error)
+    clear_highpass(element.velocity)
+    element.last = element.power = element.error_square = element.velocity_square = 0.0
+    element.acceleration_square = element.slow = element.need = 0.0
+    forget_chatter(guard.chatter)
+    guard.share = 1.0
 
 
 def guarded(share: float) -> str:
     """Return the operator's message for a remaining share of the force gain, 0 to 1."""
     return (
-        f"chatter guard: the handle force shakes, {100.0 * share:.0f} % of feedback and friction "
-        "model are left, a damper is in their place; hold the handle otherwise, or lower the gain"
+        f"chatter guard: the robot drives what holds the handle, {100.0 * share:.0f} % of feedback "
+        "and friction model are left, a damper is in their place; hold the handle otherwise, or "
+        "lower the gain"
     )
-
-
-def _average(mean: Mean, value: float, weight: float) -> None:
-    """Take one more value into both means; weight: of the value."""
-    mean.once += weight * (value - mean.once)
-    mean.twice += weight * (mean.once - mean.twice)

@@ -31,23 +31,27 @@ from .vertical_settings import VerticalSettings
 
 KEPT = 12
 """Commands remembered; the observer models a delay of up to this number of periods less two."""
-RESTING_SPEED = 3e-4  # [m/s]
+RESTING_WAY = 25e-6  # [m] two counts of the coarsest encoder (2 000 a turn)
+RESTING_TIME = 0.1  # [s] in which a nut at rest goes no further
 
 
 @dataclass(slots=True)
 class Observer:
-    """Estimated position [m] and velocity [m/s] of the nut, disturbance [N]; commands: those sent,
-    newest first [N]."""
+    """Estimated position [m] and velocity [m/s] of the nut, disturbance [N]; anchor: position from
+    which the nut has not gone [m], for `stood` seconds; commands: those sent, newest first [N]."""
 
     position: float = 0.0
     velocity: float = 0.0
     disturbance: float = 0.0
+    anchor: float = 0.0
+    stood: float = RESTING_TIME
     commands: list[float] = field(default_factory=lambda: [0.0] * KEPT)
 
 
 def settle(observer: Observer, position: float) -> None:
     """Put the observer to a nut at rest at a position [m], without a command."""
     observer.position, observer.velocity, observer.disturbance = position, 0.0, 0.0
+    observer.anchor, observer.stood = position, RESTING_TIME
     for k in range(KEPT):
         observer.commands[k] = 0.0
 
@@ -60,7 +64,10 @@ def observe(
     position: measured [m]; force: known forces on the nut without the command, Fp - g - F [N];
     error: of the force on the hand, filtered [N].
     """
-    resting = abs(observer.velocity) < RESTING_SPEED and abs(error) < p.observer_rest
+    observer.stood += dt
+    if abs(position - observer.anchor) > RESTING_WAY:
+        observer.anchor, observer.stood = position, 0.0
+    resting = observer.stood > RESTING_TIME and abs(error) < p.observer_rest
     acting = command_in_force(observer.commands, p.observer_delay / dt)
     acceleration = (acting + force - observer.disturbance) / p.mass
     ahead = observer.position + dt * (observer.velocity + 0.5 * dt * acceleration)

@@ -29,12 +29,13 @@ from typing import NamedTuple
 from ..filters import Lowpass, clear, derivative, envelope, tune, tune_highpass
 from ..geometry import forward, jacobian
 from .friction import hysteresis
-from .guard import CHATTER_HZ, Guard, forget_chatter, guard_step
+from .guard import Chatter, chatter_step, forget_chatter
 from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
 from .planar_settings import CARRIED_HZ, PlanarSettings, least_damping
 from .setpoint import Range, SetPoint, follow, hold_at
 
 MOVING = 0.03  # [m/s] largest recent speed along an axis from which all of the mass is carried
+CHATTER_HZ = 6.0  # of the force that carries the mass; of 3 Hz 20 % pass
 LARGEST = 20.0  # [N] that carry the mass, along each axis
 SMALLEST_FRICTION = 1e-3  # [Nm] keeps the angle over which it reverses finite
 # Sine of the angle between the links up to which the arm counts as stretched or folded: the torque
@@ -88,12 +89,12 @@ class PlanarOutput(NamedTuple):
 
 @dataclass(slots=True)
 class Axis:
-    """Memory of x or y. For the carried mass: low pass and largest recent velocity [m/s], guard."""
+    """Memory of x or y. For the carried mass: low pass, chatter, largest recent velocity [m/s]."""
 
     setpoint: SetPoint = field(default_factory=SetPoint)
     speed: Lowpass = field(default_factory=Lowpass)
     fastest: float = 0.0
-    guard: Guard = field(default_factory=Guard)
+    chatter: Chatter = field(default_factory=Chatter)
 
 
 @dataclass(slots=True)
@@ -208,7 +209,7 @@ def _place(
     for axis in (s.x, s.y):
         clear(axis.speed)
         axis.fastest = 0.0
-        forget_chatter(axis.guard)
+        forget_chatter(axis.chatter)
     s.shoulder.angle, s.shoulder.friction = shoulder, 0.0
     s.elbow.angle, s.elbow.friction = elbow, 0.0
 
@@ -224,7 +225,7 @@ def _tune(s: PlanarState, dt: float) -> None:
     s.dt = dt
     for axis in (s.x, s.y):
         tune(axis.speed, CARRIED_HZ, dt)
-        tune_highpass(axis.guard.chatter, CHATTER_HZ, dt)  # the other detector is not used
+        tune_highpass(axis.chatter.fast, CHATTER_HZ, dt)
 
 
 def _range(p: PlanarSettings, half: float) -> Range:
@@ -242,8 +243,8 @@ def carried_force(p: PlanarSettings, axis: Axis, velocity: float, dt: float) -> 
     acceleration = derivative(axis.speed, velocity)
     axis.fastest = envelope(axis.fastest, axis.speed.y, dt)
     force = min(1.0, axis.fastest / MOVING) * p.carried_mass * acceleration
-    guard_step(axis.guard, force, p.carried_limit, dt)
-    return axis.guard.share * clamp(force, -LARGEST, LARGEST)
+    share = chatter_step(axis.chatter, force, p.carried_limit, dt)
+    return share * clamp(force, -LARGEST, LARGEST)
 
 
 def joint_friction(p: PlanarSettings, joint: Joint, angle: float) -> float:

@@ -28,17 +28,21 @@ from typing import NamedTuple
 
 from ..filters import Lowpass, clear, derivative, envelope, smoothed, tune
 from .friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
-from .guard import Guard, damper_share, forget_outflow, guard_step, outflow_step, tune_guard
+from .guard import Guard, damper_force, forget, guard_step, tune_guard
 from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
 from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
 from .observer import Observer, observe, remember, settle
 from .setpoint import Range, SetPoint, follow, hold_at
 from .vertical_settings import CARRIED_HZ, VerticalSettings, least_damping
 
-MOVING = 6e-3  # [m/s] largest recent speed from which nothing is left of the damper at rest
 HELD = 0.8  # [N] largest recent force from which a hand holds the handle
 FIRM = 1.0  # [N] of the hand from which the carried mass is in with all of its share
-FED_SHARE = 0.92  # of `chatter_limit`, from which an oscillation that the robot feeds counts
+STOPPED = 0.2  # [s] time constant with which a nut that moved counts as one that stands
+DRIVING = 0.05  # [m/s] largest recent speed from which nothing bounds what helps the hand
+NOTHING_HOLDS = 200.0  # [N] more than all parts together
+LOADED = 0.2  # of the force on the hand: more friction of a screw under load, at most
+LEAST_SHARE = 1e-3  # of the observer's gain: its filter stays finite
+OBSERVED = 0.5  # of `chatter_limit`: how much less OBSERVER needs for its oscillation to count
 
 
 class VerticalInput(NamedTuple):
@@ -88,8 +92,9 @@ class VerticalState:
     dt: for which the filters are tuned [s]; placed: `position`, of the last sample [m], is known;
     force: last command [N]; stiffness [N/m], damping [Ns/m], gain Kf, gravity [N]: in use, while
     they follow their settings; weights of the parts while they fade, 0 to 1: base (spring, dampers,
-    gravity), friction, feedback, observing; held, fastest: largest recent handle force [N] and
-    speed of the nut [m/s]; low passes of handle force, force error and estimated speed.
+    gravity), friction, feedback, observing; fed: feedback of OBSERVER [N]; held, fastest: largest
+    recent handle force [N] and speed of the nut [m/s], driven: that of the last moments [m/s]; low
+    passes of handle force, force error and estimated speed.
     """
 
     dt: float = 0.0
@@ -108,8 +113,9 @@ class VerticalState:
     presliding: Presliding = field(default_factory=Presliding)
     observer: Observer = field(default_factory=Observer)
     guard: Guard = field(default_factory=Guard)
+    fed: float = 0.0
     held: float = 0.0
-    fastest: float = 0.0
+    driven: float = 0.0
     handle: Lowpass = field(default_factory=Lowpass)
     error: Lowpass = field(default_factory=Lowpass)
     speed: Lowpass = field(default_factory=Lowpass)
@@ -138,9 +144,6 @@ def vertical_step(
     if dt != s.dt or p.force_cutoff != s.handle.cutoff or p.observer_cutoff != s.error.cutoff:
         _tune(p, s, dt)
     handle = smoothed(s.handle, inp.force)
-    # Without a gain the guard has nothing to reduce: somebody mounts the handle, or it hits a stop.
-    lively = max(s.friction, s.feedback, s.observing)
-    guard_step(s.guard, inp.force, p.chatter_limit if lively > 0.0 else math.inf, dt)
     if not inp.active:
         return _rest(p, s, inp.position)
     if not s.placed:
@@ -154,21 +157,27 @@ def vertical_step(
     friction = _fed_forward(p, model, s, inp)
     observe(p, s.observer, inp.position, inp.force - gravity - friction, s.error.y, dt)
     compare_step(s.presliding, friction + s.observer.disturbance, s.observer.velocity, dt)
-    outflow_step(s.guard, inp.force, s.observer.velocity, FED_SHARE * p.chatter_limit, dt)
 
     # What presses on the hand.
     s.held = envelope(s.held, handle, dt)
-    s.fastest = envelope(s.fastest, s.observer.velocity, dt)
-    pull = (1.0 - inp.slot_weight) * _spring(p, s, inp) + inp.slot_force
+    s.driven = envelope(s.driven, inp.velocity, dt, STOPPED)
+    lively = max(s.friction, s.feedback, s.observing)  # weight of what the guard watches over
+    pull = (1.0 - inp.slot_weight) * _spring(p, s, inp, lively) + inp.slot_force
     desired = clamp(pull, -p.force_down, p.force_up)
     impedance = s.base * desired
+
+    if lively > 0.0:  # without a gain there is nothing to reduce
+        least = (1.0 - OBSERVED * s.observing) * p.chatter_limit
+        velocity = s.observer.velocity
+        guard_step(s.guard, inp.force, impedance + inp.force, velocity, least, p.chatter_limit, dt)
 
     # Inertia, and what friction is left, by the force on the hand.
     wanted = clamp(impedance + _carried(p, s, handle), -p.force_down, p.force_up)
     carried = wanted - impedance
-    feedback = _fed_back(p, s, impedance + handle, wanted + inp.force)
-    opposed = _opposed(p, s, handle)
+    feedback = _fed_back(p, s, impedance + handle, wanted + inp.force, dt)
     friction += s.observing * s.observer.disturbance
+    feedback = _standing(p, s, impedance, friction + feedback) - friction
+    opposed = _opposed(p, s, handle)
 
     asked = impedance + gravity + friction + (feedback + carried + opposed)
     force = slew(s.force, _limited(p, s.base, inp, asked, impedance), p.force_rate * dt)
@@ -187,16 +196,17 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
 
 
 def _rest(p: VerticalSettings, s: VerticalState, position: float) -> VerticalOutput:
-    """Return no force, the nut at a position [m]; only force filter and chatter guard go on."""
+    """Return no force, the nut at a position [m]; only the force's filter goes on."""
     hold_at(s.setpoint, clamp(position, p.travel_low, p.travel_high))
     s.stiffness, s.damping, s.gain, s.gravity = p.stiffness, p.damping, p.force_gain, p.gravity
     s.base = s.friction = s.feedback = s.observing = 0.0
     s.position, s.placed, s.force = position, True, 0.0
-    s.presliding.modelled, s.presliding.ratio, s.held, s.fastest = 0.0, 1.0, 0.0, 0.0
+    s.presliding.modelled, s.presliding.ratio = 0.0, 1.0
+    s.fed = s.held = s.driven = 0.0
     settle(s.observer, position)
     clear(s.error)
     clear(s.speed)
-    forget_outflow(s.guard)
+    forget(s.guard)
     wanted = s.setpoint.position
     return VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, wanted, 0.0, s.guard.share)
 
@@ -242,28 +252,27 @@ def _fed_forward(
     travelled = inp.position - s.position
     stiffness = p.friction_stiffness
     presliding_step(s.presliding, model, stiffness, inp.position, inp.velocity, travelled)
-    fraction = s.friction * p.friction_fraction + s.observing * p.observer_friction
+    held = min(1.0, s.held / HELD)
+    fraction = held * s.friction * p.friction_fraction + s.observing * p.observer_friction
     fed = clamp(fraction * s.presliding.modelled, -p.friction_limit, p.friction_limit)
     return s.guard.share * model_share(s.presliding) * fed
 
 
-def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:
+def _spring(
+    p: VerticalSettings, s: VerticalState, inp: VerticalInput, lively: float
+) -> float:
     """Return the force of spring and dampers [N] (thesis 3.3, eqs 3.3 and 6.1).
 
     OBSERVER damps the estimated velocity, which lags less than the filtered one, and at least as
-    much as a released handle needs. One damper stands in for the gains that the guard has reduced,
-    one for friction that the model takes from a handle that nobody holds. The last ends the creep
-    of a resting handle in OBSERVER: it acts against the ground, and is gone once the handle moves.
+    much as a released handle needs. The last damper is the guard's.
     """
     velocity = inp.velocity + s.observing * (s.observer.velocity - inp.velocity)
     damping = s.damping + s.observing * max(0.0, least_damping(p, s.stiffness) - s.damping)
-    lively = max(s.observing, s.feedback, s.friction)
-    damping += lively * damper_share(s.guard) * p.chatter_damping
-    damping += s.friction * max(0.0, 1.0 - s.held / HELD) * p.free_damping
     force = s.stiffness * (s.setpoint.position - inp.position)
     force += damping * (s.setpoint.velocity - velocity)
-    at_rest = s.observing * p.rest_damping * max(0.0, 1.0 - s.fastest / MOVING)
-    return force - at_rest * s.observer.velocity
+    return force - damper_force(
+        s.guard.passivity, s.observer.velocity, lively, p.chatter_damping
+    )
 
 
 def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
@@ -278,17 +287,40 @@ def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
     return min(1.0, abs(handle) / FIRM) * mass / (1.0 + p.observer_gain) * acceleration
 
 
-def _fed_back(p: VerticalSettings, s: VerticalState, remainder: float, error: float) -> float:
+def _fed_back(
+    p: VerticalSettings, s: VerticalState, remainder: float, error: float, dt: float
+) -> float:
     """Return the force feedback [N] (thesis 6.4.3, eqs 6.5 to 6.8).
 
     Fpd + Fp is due to friction and inertia; a gain divides it by 1 + gain. It has no integral, so a
     limit downstream causes no windup. remainder: Fp filtered; error: OBSERVER filters the sum [N].
+
+    OBSERVER's gain k behind a low pass at w is the leaky integral k w / (s + w). To an oscillation
+    it shows the resistance -M k w W^2 / ((w + k w)^2 + W^2) at a frequency W. The guard's share
+    makes it leak faster and leaves k w: the gain falls at all frequencies, and so does that
+    negative resistance. Less of k alone would raise it first.
     """
     most = p.feedback_limit
     by_gain = clamp(s.guard.share * s.gain * remainder, -most, most)
-    error = smoothed(s.error, error)
-    by_observer = clamp(s.guard.share * p.observer_gain * error, -most, most)
-    return s.feedback * by_gain + s.observing * by_observer
+    share = max(s.guard.share, LEAST_SHARE)
+    kept = math.exp(-2.0 * math.pi * p.observer_cutoff / share * dt)
+    s.fed = kept * s.fed + (1.0 - kept) * share * p.observer_gain * error
+    smoothed(s.error, error)
+    return s.feedback * by_gain + s.observing * clamp(s.fed, -most, most)
+
+
+def _standing(
+    p: VerticalSettings, s: VerticalState, impedance: float, helping: float
+) -> float:
+    """Return what helps the hand against friction and inertia [N], bounded while the nut stands.
+
+    What stands still against more than friction ever holds is an obstacle that the transducer does
+    not feel. All of the force on the nut counts, the hand's and the spring's too.
+    """
+    driving = min(1.0, s.driven / DRIVING)
+    most = p.standing_force + driving * (NOTHING_HOLDS - p.standing_force)
+    most = max(0.0, most + LOADED * abs(impedance) - abs(s.error.y))
+    return clamp(helping, -most, most)
 
 
 def _opposed(p: VerticalSettings, s: VerticalState, handle: float) -> float:
@@ -299,6 +331,8 @@ def _opposed(p: VerticalSettings, s: VerticalState, handle: float) -> float:
     """
     beyond = min(0.0, handle + p.force_up) + max(0.0, handle - p.force_down)
     weight = s.friction * (1.0 - s.feedback)
+    if weight == 0.0:
+        return 0.0
     return weight * clamp(s.gain * beyond, -p.feedback_limit, p.feedback_limit)
 
 

@@ -92,16 +92,13 @@ class VerticalSettings(NamedTuple):
         Setting("rms of rapid handle force beyond which force gains go down", "N", 0.2, 50.0),
     ] = 1.2
     chatter_damping: Annotated[
-        float, Setting("damper that replaces the gains reduced by the guard", "Ns/m", 0.0, 200.0)
-    ] = 160.0
-    free_damping: Annotated[
+        float, Setting("largest damper of the guard of the force gains", "Ns/m", 0.0, 200.0)
+    ] = 120.0
+    standing_force: Annotated[
         float,
-        Setting("damper where a friction model works and nobody holds the handle", "Ns/m",
-                0.0, 100.0),
-    ] = 8.0
-    rest_damping: Annotated[
-        float, Setting("damper of a handle at rest in OBSERVER, 0 = none", "Ns/m", 0.0, 80.0)
-    ] = 40.0
+        Setting("force on a nut that stands, the hand's included, beyond which nothing helps it",
+                "N", 0.0, 150.0),
+    ] = 22.0
     fade_time: Annotated[
         float, Setting("time in which a part of the force fades in or out", "s", 0.05, 10.0)
     ] = 0.5
@@ -142,7 +139,7 @@ class VerticalSettings(NamedTuple):
     )
     speed_limit: Annotated[
         float, Setting("speed above which the force no longer drives", "m/s", 0.05, 2.0)
-    ] = 0.6
+    ] = 0.8
     speed_band: Annotated[
         float, Setting("range over which the driving force fades", "m/s", 0.01, 1.0)
     ] = 0.2

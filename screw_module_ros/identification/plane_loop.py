@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import compiled, packed
+from ..control.guard import share_left
 from ..control.planar import PlanarInput, initial_state
 from ..control.planar import planar_step as law_step
 from ..control.planar_settings import PlanarSettings
@@ -102,7 +103,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
     row[3] = robot.upper_arm * math.cos(s.arm.shoulder) * w1
     row[3] += robot.forearm * math.cos(s.arm.elbow) * w2
     row[4], row[5] = s.arm.force_x, s.arm.force_y
-    row[6] = min(s.law[0].x.guard.share, s.law[0].y.guard.share)
+    row[6] = min(share_left(s.law[0].x.chatter), share_left(s.law[0].y.chatter))
     arm = s.arm
     time = s.ticks * p.period
     hand_x, speed_x = hand_point(p.path_x, time)

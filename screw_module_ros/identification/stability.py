@@ -10,7 +10,6 @@ raises the gain until the handle chatters, for comparison with the prediction.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -84,14 +83,14 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
     usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
-    feedback, moving, resting = laws_of(usual, velocity_cutoff)
+    feedback, observer = laws_of(usual, velocity_cutoff)
     quantities, data = [], {}
     mount = mechanism.mount_stiffness
     notes = [f"The screw's mount: {f'{mount:g} N/m' if mount else 'rigid'}. {_NOTE}"]
     for name, (text, environment) in ENVIRONMENTS.items():
         given = (mechanism, environment, sampling)
-        for law_name, variants in (("feedback", (feedback,)), ("observer", (moving, resting))):
-            gain, law = weakest(*given, variants)
+        for law_name, law in (("feedback", feedback), ("observer", observer)):
+            gain = largest_gain(*given, law)
             where = f"{law_name}, {text}"
             quantities.append(_predicted(f"{law_name}_{name}", gain, where))
             if gain <= 0.0:
@@ -108,8 +107,9 @@ def run(lab: Lab, settings: Settings) -> Result:
         if settings.simulated and TRUTH in lab.bench.offers and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
-    plain = moving._replace(settings=moving.settings._replace(observer_inertia=0.0))
-    data |= _curves(mechanism, sampling, dict(zip(CURVES, (feedback, moving, plain), strict=True)))
+    plain = observer._replace(settings=observer.settings._replace(observer_inertia=0.0))
+    curves = dict(zip(CURVES, (feedback, observer, plain), strict=True))
+    data |= _curves(mechanism, sampling, curves)
     used = conditions_of(usual, *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
@@ -127,14 +127,10 @@ _NOTE = (
 )
 
 
-def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[Law, Law, Law]:
-    """Return force feedback, and OBSERVER in motion and at rest, where it has another damper."""
-    moving = usual._replace(rest_damping=0.0)
-    return (
-        Law(modes.FORCE_FEEDBACK, usual, velocity_cutoff),
-        Law(modes.OBSERVER, moving, velocity_cutoff),
-        Law(modes.OBSERVER, usual, velocity_cutoff),
-    )
+def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[Law, Law]:
+    """Return force feedback and OBSERVER."""
+    feedback = Law(modes.FORCE_FEEDBACK, usual, velocity_cutoff)
+    return feedback, feedback._replace(mode=modes.OBSERVER)
 
 
 def _predicted(name: str, gain: float, where: str) -> Quantity:
@@ -172,15 +168,6 @@ def limits(
         del without["the mount"]
     return {name: min(largest_gain(*loop, law, 1000.0), 1000.0) / now
             for name, loop in without.items()}  # fmt: skip
-
-
-def weakest(
-    mechanism: Mechanism, environment: Arm, sampling: Sampling, laws: Sequence[Law]
-) -> tuple[float, Law]:
-    """Return the smallest of the largest stable gains of some laws, and the law that has it."""
-    gains = [largest_gain(mechanism, environment, sampling, law) for law in laws]
-    least = min(gains)
-    return least, laws[gains.index(least)]
 
 
 def hand_formula(

@@ -11,10 +11,12 @@ from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSett
 DT = 1e-3
 SETTLED = 0.34  # [s] twelve time constants of the filter
 MODEL = thesis_friction()
-# The hand of this test pushes with the same force whatever the handle does: no observed friction.
+# The hand of this test pushes with the same force whatever the handle does: no observed friction,
+# and no guard.
 LAW = VerticalSettings(
     stiffness=0.0, fade_time=0.05, observer_limit=0.0, observer_inertia=0.7, mass=5.0,
-    observer_gain=9.0, observer_damping_ratio=0.0, rest_damping=0.0, observer_bandwidth=1000.0,
+    observer_gain=9.0, observer_damping_ratio=0.0, observer_bandwidth=1000.0,
+    chatter_limit=50.0,
 )  # fmt: skip
 
 

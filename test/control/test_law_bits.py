@@ -50,18 +50,18 @@ TICKS = 6000
 ANY_MODE = -2  # a run through all modes
 LIBRARY = "3a929bd8f178edc3"
 VERTICAL = {
-    ANY_MODE: "b64a6fbce04dc5c2",
-    0: "7b1ead60bce0ca13",
-    1: "c5ead1b9e36dd7c3",
-    2: "415df1903be47960",
-    3: "b88d6ffc645e240e",
-    4: "fe48f2899acb3c75",
-    5: "70f73251f56869bc",
+    ANY_MODE: "5325fa3497575388",
+    0: "5aa27b4c3773e8b4",
+    1: "86b7b22dfdc540cb",
+    2: "2850d94fde2786e2",
+    3: "c7889d83074b0b15",
+    4: "20158433a2a2c5a3",
+    5: "43619362bf826499",
 }
 PLANE = {
     (0.0, 0.0): "a16609d4dc07f6ac",
     (0.2, 0.0): "c32980717c86cbb0",
-    (0.2, 3.0): "244c24a3fdb2836d",
+    (0.2, 3.0): "072cfdbe952a3c5a",
 }
 ODD = (math.nan, math.inf, -math.inf, 1e300)
 

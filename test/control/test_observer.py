@@ -98,7 +98,7 @@ def test_in_motion_a_small_error_does_not_stop_it():
 def test_a_nut_put_elsewhere_is_at_rest_there():
     state, _, _ = watched(lambda t: 8.0, [3.0] * 50)
     settle(state, 0.2)
-    assert state == Observer(position=0.2)
+    assert state == Observer(position=0.2, anchor=0.2)
 
 
 @given(st.floats(0.0, 20.0), st.integers(0, KEPT - 1))

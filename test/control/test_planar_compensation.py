@@ -5,8 +5,9 @@ import math
 
 import pytest
 
-from screw_module_ros.control.guard import tune_guard
+from screw_module_ros.control.guard import share_left
 from screw_module_ros.control.planar import (
+    CHATTER_HZ,
     LARGEST,
     Axis,
     Joint,
@@ -17,7 +18,7 @@ from screw_module_ros.control.planar import (
     planar_step,
 )
 from screw_module_ros.control.planar_settings import CARRIED_HZ, PlanarSettings, least_damping
-from screw_module_ros.filters import tune
+from screw_module_ros.filters import tune, tune_highpass
 from screw_module_ros.geometry import inverse, jacobian
 
 DT = 0.002
@@ -28,7 +29,7 @@ def carried(speed, seconds):
     """Carried force [N] at each tick of a motion with speed(t) [m/s], and the axis."""
     axis, settings = Axis(), PLAIN._replace(carried_mass=3.0)
     tune(axis.speed, CARRIED_HZ, DT)
-    tune_guard(axis.guard, DT)
+    tune_highpass(axis.chatter.fast, CHATTER_HZ, DT)
     ticks = range(round(seconds / DT))
     return [carried_force(settings, axis, speed(tick * DT), DT) for tick in ticks], axis
 
@@ -39,12 +40,14 @@ def test_most_of_the_mass_is_carried_at_the_speed_of_a_hand():
     ideal = [3.0 * speed * omega * math.cos(omega * tick * DT) for tick in range(3000)]
     left = [a - b for a, b in zip(ideal[1000:], forces[1000:], strict=True)]
     assert max(map(abs, left)) < 0.15 * 3.0 * speed * omega
-    assert axis.guard.share == 1.0
+    assert share_left(axis.chatter) == 1.0
 
 
 def test_a_tremor_keeps_the_mass_and_shaking_loses_it():
-    assert carried(lambda t: 0.03 * math.sin(31.4 * t), 2.0)[1].guard.share == 1.0
-    assert carried(lambda t: 0.1 * math.sin(80.0 * t), 2.0)[1].guard.share == 0.0
+    _, tremor = carried(lambda t: 0.03 * math.sin(31.4 * t), 2.0)
+    _, shaking = carried(lambda t: 0.1 * math.sin(80.0 * t), 2.0)
+    assert share_left(tremor.chatter) == 1.0
+    assert share_left(shaking.chatter) == 0.0
 
 
 def test_nothing_is_carried_on_a_handle_that_only_quivers():

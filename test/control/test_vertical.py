@@ -104,7 +104,7 @@ def test_damper_acts_on_both_velocities(damping):
 
 
 def test_friction_compensation_adds_nine_tenths_of_the_model():
-    output, inp = moved(REST._replace(mode=modes.FRICTION_COMPENSATION, velocity=-0.05))
+    output, inp = moved(REST._replace(mode=modes.FRICTION_COMPENSATION, velocity=-0.05, force=-5.0))
     assert output.friction == pytest.approx(
         0.9 * friction_force(MODEL, inp.position, -0.05), rel=0.01
     )
@@ -114,7 +114,7 @@ def test_friction_compensation_adds_nine_tenths_of_the_model():
 def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
     """A ramp over the velocity is negative damping at rest: a hand that holds still was shaken."""
     mode = modes.FRICTION_COMPENSATION
-    inp = REST._replace(mode=mode, position=0.18)
+    inp = REST._replace(mode=mode, position=0.18, force=5.0)
     output, state = run(inp)
     assert output.friction == 0.0
     for velocity in (0.002, -0.002, 0.01):  # a noisy velocity, and no way
@@ -130,14 +130,14 @@ def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
 def test_a_model_that_promises_too_much_is_doubted():
     """Nothing rubs here, so feeding friction forward drives; the law takes it back."""
     law = SETTINGS._replace(stiffness=0.0, gravity=0.0)
-    inp = REST._replace(mode=modes.FRICTION_COMPENSATION, position=0.15)
+    inp = REST._replace(mode=modes.FRICTION_COMPENSATION, position=0.15, force=1.0)
     _, state = run(inp, law=law)
     mass, position, velocity, most = law.mass, 0.15, 0.05, 0.0
     for _ in range(1000):
         position += velocity * DT
         inp = inp._replace(position=position, velocity=velocity)
         output = vertical_step(law, MODEL, state, inp, DT)
-        velocity += output.force / mass * DT
+        velocity += (output.force + inp.force) / mass * DT
         most = max(most, output.friction)
         if velocity > 0.3:
             velocity = 0.05

@@ -83,8 +83,8 @@ def test_a_known_mass_is_carried_in_fast_motion(seed):
 def test_a_released_handle_does_not_swing_on_the_mass_that_is_carried(seed):
     """Carried without a hand as well, it swung with 3.7 N rms."""
     error = found(seed, modes.OBSERVER, "released", known(seed)._replace(observer_inertia=0.7))
-    assert error.travel < 1e-3
-    assert error.rms < 0.2
+    assert error.travel < 0.1e-3
+    assert error.rms < 0.5  # tolerated at rest (`observer_rest`)
 
 
 @pytest.mark.parametrize("case", ["wall_1e4_badly", "wall_1e6_badly", "heavy_holding"])
@@ -133,20 +133,16 @@ def nothing(share):
 
 @pytest.mark.parametrize("seed", [6009, 6021, 6029])
 def test_a_friction_model_that_is_right_lets_a_released_handle_rest(seed):
-    """It swung by 2, 8 and 12 mm on these rigs, without a damper where nobody holds the handle."""
+    """It swung by 2, 8 and 12 mm on these rigs, with the model in where nobody holds the handle."""
     error = on_drawn_rig(seed, modes.COMBINED, "released")
-    assert error.travel < 0.1e-3
+    assert error.travel < 0.3e-3
 
 
-def test_observer_lets_a_held_handle_rest():
-    """It hunts by 0.2 to 0.7 mm on some of these rigs, not always the same, without its damper."""
+@pytest.mark.parametrize("case", ["holding", "released"])
+def test_observer_lets_a_handle_rest(case):
+    """It hunted by 0.2 to 0.7 mm on some of these rigs: one count ended its rest."""
     rigs = (6003, 6015, 7001, 7002, 7026, 9004, 9017, 11017)
-    hunting, still = (
-        [on_drawn_rig(seed, modes.OBSERVER, "holding", law).travel for seed in rigs]
-        for law in (DEFAULT._replace(rest_damping=0.0), DEFAULT)
-    )
-    assert max(hunting) > 0.2e-3
-    assert max(still) < 0.05e-3
+    assert max(on_drawn_rig(seed, modes.OBSERVER, case).travel for seed in rigs) < 0.05e-3
 
 
 def test_the_guard_ends_a_slow_oscillation_that_the_robot_feeds():
