@@ -142,8 +142,8 @@ class SessionRecorder(Node):
         else:
             with self._lock:
                 self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
+                self._asked = NodeParameters(self)
                 self._folder, self._taps = taps.recording.folder, taps
-            self._asked = NodeParameters(self)
             self._asked.ask()
             self.get_logger().info("recording")
             return ""
