@@ -14,8 +14,8 @@ drives the robot: R is positive. A robot that drives an oscillation gives power 
 handle: R is negative (passivity observer: Hannaford and Ryu 2002). A set point that moves the hand
 gives power too, but by Fpd, which e leaves out. What is missing to `PASSIVE` is `need`. The law
 puts a damper of this size into Fpd, so the need does not fall when it acts. It is kept for `KEPT`
-seconds. The damper acts through a high pass: one for all speeds would weigh a kilogram on a hand in
-motion. The corner is half of the oscillation's own frequency, sqrt(<a^2> / <v^2>).
+seconds. The damper acts through a high pass: one for all speeds would brake a hand in motion. The
+corner is half of the oscillation's own frequency, sqrt(<a^2> / <v^2>).
 
 Beyond `BEGIN` the force gain falls as well, and is gone at `END`.
 
