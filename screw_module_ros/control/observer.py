@@ -31,7 +31,7 @@ from .vertical_settings import VerticalSettings
 
 KEPT = 12
 """Commands remembered; the observer models a delay of up to this number of periods less two."""
-RESTING_WAY = 25e-6  # [m] two counts of the coarsest encoder (2 000 a turn)
+RESTING_WAY = 25e-6  # [m] more than two counts of the coarsest encoder (2 000 a turn)
 RESTING_TIME = 0.1  # [s] in which a nut at rest goes no further
 
 

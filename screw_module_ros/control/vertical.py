@@ -92,9 +92,9 @@ class VerticalState:
     dt: for which the filters are tuned [s]; placed: `position`, of the last sample [m], is known;
     force: last command [N]; stiffness [N/m], damping [Ns/m], gain Kf, gravity [N]: in use, while
     they follow their settings; weights of the parts while they fade, 0 to 1: base (spring, dampers,
-    gravity), friction, feedback, observing; fed: feedback of OBSERVER [N]; held, fastest: largest
-    recent handle force [N] and speed of the nut [m/s], driven: that of the last moments [m/s]; low
-    passes of handle force, force error and estimated speed.
+    gravity), friction, feedback, observing; fed: feedback of OBSERVER [N]; held: largest recent
+    handle force [N], driven: largest speed of the nut in the last moments [m/s]; low passes of
+    handle force, force error and estimated speed.
     """
 
     dt: float = 0.0
@@ -162,14 +162,18 @@ def vertical_step(
     s.held = envelope(s.held, handle, dt)
     s.driven = envelope(s.driven, inp.velocity, dt, STOPPED)
     lively = max(s.friction, s.feedback, s.observing)  # weight of what the guard watches over
-    pull = (1.0 - inp.slot_weight) * _spring(p, s, inp, lively) + inp.slot_force
+    pull = (1.0 - inp.slot_weight) * _spring(p, s, inp) + inp.slot_force
+    if lively > 0.0:
+        pull -= damper_force(s.guard.passivity, s.observer.velocity, lively, p.chatter_damping)
     desired = clamp(pull, -p.force_down, p.force_up)
     impedance = s.base * desired
 
-    if lively > 0.0:  # without a gain there is nothing to reduce
+    if lively > 0.0:
         least = (1.0 - OBSERVED * s.observing) * p.chatter_limit
         velocity = s.observer.velocity
         guard_step(s.guard, inp.force, impedance + inp.force, velocity, least, p.chatter_limit, dt)
+    elif s.guard.share < 1.0 or s.guard.passivity.need > 0.0:
+        forget(s.guard)  # without a gain there is nothing to reduce
 
     # Inertia, and what friction is left, by the force on the hand.
     wanted = clamp(impedance + _carried(p, s, handle), -p.force_down, p.force_up)
@@ -258,21 +262,17 @@ def _fed_forward(
     return s.guard.share * model_share(s.presliding) * fed
 
 
-def _spring(
-    p: VerticalSettings, s: VerticalState, inp: VerticalInput, lively: float
-) -> float:
+def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:
     """Return the force of spring and dampers [N] (thesis 3.3, eqs 3.3 and 6.1).
 
     OBSERVER damps the estimated velocity, which lags less than the filtered one, and at least as
-    much as a released handle needs. The last damper is the guard's.
+    much as a released handle needs.
     """
     velocity = inp.velocity + s.observing * (s.observer.velocity - inp.velocity)
     damping = s.damping + s.observing * max(0.0, least_damping(p, s.stiffness) - s.damping)
     force = s.stiffness * (s.setpoint.position - inp.position)
     force += damping * (s.setpoint.velocity - velocity)
-    return force - damper_force(
-        s.guard.passivity, s.observer.velocity, lively, p.chatter_damping
-    )
+    return force
 
 
 def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:

@@ -219,7 +219,8 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
 
 
 def _trial(message: Any) -> Row:
-    row = {name: getattr(message, name) for name in COLUMNS}
+    # A bag of an earlier version lacks the measures that came later.
+    row = {name: getattr(message, name, None) for name in COLUMNS}
     row["start"], row["target"] = _point(message.start), _point(message.target)
     row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
     return row

@@ -227,6 +227,36 @@ def test_shaking_in_a_mode_with_a_gain_takes_it_away(mode):
     assert law_after(REST._replace(mode=mode), sine(10.0, 120.0)).share == 0.0
 
 
+def test_what_the_guard_took_is_forgotten_with_the_gain():
+    """A share that stayed in mode 1 warned there, and met the next mode."""
+    state = initial_state(SETTINGS)
+    for tick in range(3000):
+        mode = modes.OBSERVER if tick < 1500 else modes.IMPEDANCE
+        force = sine(10.0, 120.0)(tick * DT) if tick < 1500 else 0.0
+        inp = REST._replace(mode=mode, force=force)
+        output = vertical_step(SETTINGS, MODEL, state, inp, DT)
+        if tick == 1499:
+            assert output.share == 0.0
+            state.guard.passivity.need = 60.0
+    assert output.share == 1.0
+    assert state.guard.passivity.need == 0.0
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_its_damper_acts_in_a_slot_too(weight):
+    """A slot takes the place of spring and damper."""
+    state = initial_state(SETTINGS)
+    inp = REST._replace(mode=modes.FORCE_FEEDBACK, slot_weight=weight)
+    for _ in range(1500):
+        vertical_step(SETTINGS, MODEL, state, inp, DT)
+    state.guard.passivity.need = 40.0
+    moving = inp._replace(velocity=0.1)
+    for tick in range(20):
+        moving = moving._replace(position=AT + 0.1 * DT * (tick + 1))
+        output = vertical_step(SETTINGS, MODEL, state, moving, DT)
+    assert output.impedance < -0.5
+
+
 @pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.OBSERVER])
 def test_a_set_point_that_moves_the_hand_takes_no_gain_away(mode):
     """It gives power to the hand, as an oscillation does that the robot drives."""

@@ -50,12 +50,12 @@ TICKS = 6000
 ANY_MODE = -2  # a run through all modes
 LIBRARY = "3a929bd8f178edc3"
 VERTICAL = {
-    ANY_MODE: "5325fa3497575388",
+    ANY_MODE: "3d2d464d18f16a9d",
     0: "5aa27b4c3773e8b4",
     1: "86b7b22dfdc540cb",
-    2: "2850d94fde2786e2",
-    3: "c7889d83074b0b15",
-    4: "20158433a2a2c5a3",
+    2: "ca8d7e9521950df5",
+    3: "ad3f765ee696057e",
+    4: "39fa06f38970bcaa",
     5: "43619362bf826499",
 }
 PLANE = {
