@@ -304,7 +304,8 @@ def _fed_back(
     by_gain = clamp(s.guard.share * s.gain * remainder, -most, most)
     share = max(s.guard.share, LEAST_SHARE)
     kept = math.exp(-2.0 * math.pi * p.observer_cutoff / share * dt)
-    s.fed = kept * s.fed + (1.0 - kept) * share * p.observer_gain * error
+    mean = 0.5 * (error + s.error.x)  # over the sample, as a bilinear low pass
+    s.fed = kept * s.fed + (1.0 - kept) * share * p.observer_gain * mean
     smoothed(s.error, error)
     return s.feedback * by_gain + s.observing * clamp(s.fed, -most, most)
 

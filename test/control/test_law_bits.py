@@ -50,13 +50,13 @@ TICKS = 6000
 ANY_MODE = -2  # a run through all modes
 LIBRARY = "3a929bd8f178edc3"
 VERTICAL = {
-    ANY_MODE: "3d2d464d18f16a9d",
+    ANY_MODE: "bbf110d1083c3aae",
     0: "5aa27b4c3773e8b4",
     1: "86b7b22dfdc540cb",
     2: "ca8d7e9521950df5",
     3: "ad3f765ee696057e",
     4: "39fa06f38970bcaa",
-    5: "43619362bf826499",
+    5: "038c81e99176cdad",
 }
 PLANE = {
     (0.0, 0.0): "a16609d4dc07f6ac",
