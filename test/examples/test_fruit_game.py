@@ -103,6 +103,10 @@ def test_it_says_that_nobody_takes_its_wishes(game, hand, wait_until):
     wait_until(told, 30.0, "the warning")
 
 
+def test_it_says_that_there_is_no_robot(game, wait_until):
+    wait_until(lambda: any("no robot" in line for line in game[1]), 30.0, "the warning")
+
+
 def test_an_axis_without_home_picks_nothing(game, hand, wait_until):
     hand.take_wishes()
     wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
