@@ -37,7 +37,8 @@ def play(state: EndpointState) -> None:
         aim = next(fruit)
     wish = EndpointSetpoint()
     wish.position.x, wish.position.y, wish.position.z = aim
-    wishes.publish(wish)
+    if rclpy.ok():  # a signal may have ended ROS meanwhile
+        wishes.publish(wish)
 
 
 def listen() -> None:
