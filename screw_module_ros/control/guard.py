@@ -13,9 +13,10 @@ dampers, v the velocity of the nut, both rapid, < > a mean over `WINDOW`. A hand
 drives the robot: R is positive. A robot that drives an oscillation gives power to what holds the
 handle: R is negative (passivity observer: Hannaford and Ryu 2002). A set point that moves the hand
 gives power too, but by Fpd, which e leaves out. What is missing to `PASSIVE` is `need`. The law
-puts a damper of this size into Fpd, so the need does not fall when it acts. It is kept for `KEPT`
-seconds. The damper acts through a high pass: one for all speeds would brake a hand in motion. The
-corner is half of the oscillation's own frequency, sqrt(<a^2> / <v^2>).
+puts a damper of this size into Fpd, so the need does not fall when it acts, but with the time
+constant `KEPT` once its cause is over. The damper acts through a high pass: one for all speeds
+would brake a hand in motion. The corner is half of the oscillation's own frequency,
+sqrt(<a^2> / <v^2>).
 
 Beyond `BEGIN` the force gain falls as well, and is gone at `END`.
 
@@ -46,15 +47,15 @@ STILL = 1e-9  # [m^2/s^2] added to <v^2>: a nut that does not move shows no resi
 CHATTER_HZ = 60.0
 CHATTER_WINDOW = 0.05  # [s] of the mean square
 CLIPPED = 3.0  # of the limit: one knock is no chatter, however hard
-LASTING = 0.05  # [s] at twice the limit, from which the gain falls
-GROWTH = 10.0  # [1/s] of the excess at twice the limit; the gain is gone after 0.1 s more
+GROWTH = 10.0  # [1/s] of the excess at twice the limit
+BORNE = 0.5  # excess from which the gain falls; at 1 more it is gone
 RETURN = 0.3  # [s] in which the gain comes back
 
 
 @dataclass(slots=True)
 class Chatter:
-    """Memory of the chatter: high pass of the force, mean square of its output [N^2], and how long
-    it has been above the limit, `excess`: from 0.5 the gain falls, at 1.5 it is gone."""
+    """Memory of the chatter: high pass of the force, mean square of its output [N^2], and `excess`,
+    which grows while the rms is above the limit and falls below it."""
 
     fast: Highpass = field(default_factory=Highpass)
     mean_square: float = 0.0
@@ -151,13 +152,13 @@ def chatter_step(chatter: Chatter, force: float, limit: float, dt: float) -> flo
     chatter.mean_square += min(1.0, dt / CHATTER_WINDOW) * (fast * fast - chatter.mean_square)
     over = math.sqrt(chatter.mean_square) / limit - 1.0
     change = GROWTH * over if over > 0.0 else -1.0 / RETURN
-    chatter.excess = clamp(chatter.excess + dt * change, 0.0, LASTING * GROWTH + 1.0)
+    chatter.excess = clamp(chatter.excess + dt * change, 0.0, BORNE + 1.0)
     return share_left(chatter)
 
 
 def share_left(chatter: Chatter) -> float:
     """Return the share of the gain that chatter leaves, 0 to 1."""
-    return min(1.0, 1.0 + LASTING * GROWTH - chatter.excess)
+    return min(1.0, 1.0 + BORNE - chatter.excess)
 
 
 def forget_chatter(chatter: Chatter) -> None:

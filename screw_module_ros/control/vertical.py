@@ -270,9 +270,8 @@ def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:
     """
     velocity = inp.velocity + s.observing * (s.observer.velocity - inp.velocity)
     damping = s.damping + s.observing * max(0.0, least_damping(p, s.stiffness) - s.damping)
-    force = s.stiffness * (s.setpoint.position - inp.position)
-    force += damping * (s.setpoint.velocity - velocity)
-    return force
+    pull = s.stiffness * (s.setpoint.position - inp.position)
+    return pull + damping * (s.setpoint.velocity - velocity)
 
 
 def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -327,14 +326,6 @@ def robustness_head(modules: Iterable[Module]) -> tuple[str, ...]:
 
 def _label(quantity: Quantity, brief: bool) -> str:
     return quantity.name if brief else f"*{quantity.name}*: {quantity.text}"
-
-
-def terminal(narrowest: int) -> Console:
-    """Return the terminal of a command; where it is a file, with so many columns at least."""
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = max(console.width, narrowest)
-    return console
 
 
 def shown(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:

@@ -20,11 +20,12 @@ from ..calibration.module import THESIS_FILE
 from ..plant.settings import load_world
 from ..resources import resource_path
 from ..settings import SettingError
+from ..terminal import terminal
 from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
 from .lab import Lab, MissingResult, worker_pool
 from .page import write_page
-from .report import Module, Outcome, terminal
+from .report import Module, Outcome
 from .trials import NotPossible
 
 ON_EVERY_MODULE = (

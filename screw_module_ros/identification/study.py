@@ -29,11 +29,12 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
+from ..terminal import terminal
 from .bench import InProcessBench, LoopSettings
 from .force_error import wall, with_damping
 from .force_metric import LAST, judged
 from .lab import worker_pool
-from .report import shown, terminal
+from .report import shown
 from .trials import Arm, HandTrial, MotionTrial
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}

@@ -174,9 +174,9 @@ def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
     message.valid[0] = message.valid[1] = plane is not None
     x, y = plane.position if plane else (_NAN, _NAN)
     vx, vy = plane.velocity if plane else (_NAN, _NAN)
-    way = 1e-9 * (message.monotonic_ns - plane.monotonic_ns) if plane else 0.0
-    way = clamp(way, -_CARRIED_S, _CARRIED_S)
-    message.position.x, message.position.y = float(x + way * vx), float(y + way * vy)
+    elapsed = 1e-9 * (message.monotonic_ns - plane.monotonic_ns) if plane else 0.0
+    ahead = clamp(elapsed, -_CARRIED_S, _CARRIED_S)
+    message.position.x, message.position.y = float(x + ahead * vx), float(y + ahead * vy)
     message.velocity.x, message.velocity.y = float(vx), float(vy)
 
 

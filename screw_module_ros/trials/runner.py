@@ -31,13 +31,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
-from rich.console import Console as RichConsole
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
+from screw_module_ros.terminal import terminal
 
 from ..graph import nodes_of
 from ..nodes import bringup
@@ -68,9 +68,7 @@ class Console:
 
     def __init__(self, quiet: bool = False):
         self.folder: Path | None = None
-        self._rich = RichConsole(highlight=False, quiet=quiet)
-        if not self._rich.is_terminal:
-            self._rich.width = max(self._rich.width, _NARROWEST)
+        self._rich = terminal(_NARROWEST, quiet)
 
     @contextmanager
     def step(self, text: str) -> Iterator[Callable[[str], None]]:

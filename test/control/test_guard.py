@@ -11,7 +11,6 @@ from screw_module_ros.control.guard import (
     BEGIN,
     END,
     KEPT,
-    LASTING,
     PASSIVE,
     RETURN,
     Chatter,
@@ -84,7 +83,7 @@ def test_what_hands_do_is_no_chatter(force):
 
 
 def test_a_weaker_chatter_takes_longer_and_as_much():
-    assert shaken(sine(3.0, 120.0), LASTING).share == 1.0
+    assert shaken(sine(3.0, 120.0), 0.05).share == 1.0
     assert shaken(sine(3.0, 120.0), 1.5).share == 0.0
 
 
