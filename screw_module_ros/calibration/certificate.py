@@ -127,6 +127,13 @@ class Certificate(NamedTuple):
         """Return serial, date and checksum for diagnostics."""
         return f"{self.serial} {self.date} sha256:{self.sha256[:12]}"
 
+    def chosen(self, settings: VerticalSettings) -> VerticalSettings:
+        """Return the settings with the gains that this module permits, none raised."""
+        gains = self.permitted_gains._asdict()
+        return settings._replace(
+            **{name: min(most, getattr(settings, name)) for name, most in gains.items()}
+        )
+
     def refusal(self, settings: VerticalSettings, mode: int, rate: float) -> str:
         """Return why the settings go beyond the certificate in a mode, empty if they do not.
 

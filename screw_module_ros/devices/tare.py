@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks whether force samples may become the new zero."""
+"""Checks whether force samples may become the new zero, and estimates how far the zero is off."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from .ati import status_names
 from .errors import NotNow
 from .force_sensor_settings import ForceSensorSettings
 
+_BLOCKS = 10
+_STILL = 0.05  # [N] spread of the blocks' means; a hand at rest varies by more (pulse, breath)
 _WRENCH = slice(ForceReading._fields.index("fx"), ForceReading._fields.index("tz") + 1)
 
 
@@ -40,3 +42,20 @@ def mean_wrench(readings: Sequence[ForceReading], settings: ForceSensorSettings)
             "keep the handle at rest"
         )
     return mean
+
+
+def zero_error(readings: Sequence[ForceReading]) -> list[float] | None:
+    """Return by how much the zero seems to be off, fx, fy, fz [N]; None while somebody may hold.
+
+    readings: of a second or more. A handle that nobody holds shows a constant force, which is the
+    transducer's drift since the tare or the handle's weight; a hand's force varies. A load that
+    hangs on the handle is taken for an error too, so nothing is removed without a tare.
+    """
+    size = len(readings) // _BLOCKS
+    forces = [(reading.fx, reading.fy, reading.fz) for reading in readings]
+    blocks = [forces[k : k + size] for k in range(0, _BLOCKS * size, size)] if size else []
+    axes = [[statistics.fmean(axis) for axis in zip(*block, strict=True)] for block in blocks]
+    columns = list(zip(*axes, strict=True))
+    if not columns or max(map(statistics.pstdev, columns)) > _STILL:
+        return None
+    return [statistics.fmean(column) for column in columns]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
@@ -11,6 +12,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.tare import zero_error
 from screw_module_ros.loop.vertical import Parts, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
@@ -22,7 +24,9 @@ from .support.topics import offered
 from .support.wire import pack_force
 
 _GATHER_S = 3.0
+_WATCHED_S = 2.0  # of the force in which nobody seems to hold the handle
 _JUMPS = "would jump"
+_ZERO_ERROR = "error of the zero, if nothing hangs on the handle"
 
 
 class WrenchSettings(NamedTuple):
@@ -40,6 +44,7 @@ class ForceSensorNode(SensorNode):
         super().__init__("force_sensor")
         self.parameters.declare(ForceSensorSettings, WrenchSettings)
         self._gathering: list[ForceReading] | None = None  # for the service that tares
+        self._recent: list[ForceReading] = []  # replaced, never changed: health reads it too
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
         self.serve(Trigger, "~/tare", self._tare)
@@ -52,6 +57,7 @@ class ForceSensorNode(SensorNode):
         self.add_device(force_sensors.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
+        self._watched = round(_WATCHED_S * settings.rate / self._wrench_every)
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
         self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
 
@@ -64,6 +70,7 @@ class ForceSensorNode(SensorNode):
             self.device.clear_fault()
         if not self.device.configured:
             self.device.configure()
+        self._recent = []
         self.start_samples(Wires(publish_force=self.publish))
         self.parts = Parts(force_sensor=self.part)
 
@@ -77,6 +84,7 @@ class ForceSensorNode(SensorNode):
         if reading.sequence % self._wrench_every == 0:
             fill_wrench(self._wrench, reading)
             self._send_wrench(self._wrench)
+            self._recent = [*self._recent[1 - self._watched :], reading]
         gathering = self._gathering  # the service may end the collection meanwhile
         if gathering is not None:
             gathering.append(reading)
@@ -114,7 +122,8 @@ class ForceSensorNode(SensorNode):
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
         device = self.device
         voltages = {f"{name} [ADC counts]": n for name, n in device.voltages.items()}
-        health = self.sensor_health({"bias": _bias_text(device.bias), **voltages})
+        shown = {"bias": _bias_text(device.bias), _ZERO_ERROR: self._zero_error(), **voltages}
+        health = self.sensor_health(shown)
         if health.level == OK and not device.tared:
             # Force feedback would press with a multiple of it.
             text = (
@@ -124,8 +133,16 @@ class ForceSensorNode(SensorNode):
             return health._replace(level=WARN, message=text)
         return health
 
+    def _zero_error(self) -> str:
+        recent = self._recent
+        found = zero_error(recent) if recent and len(recent) == self._watched else None
+        return _force_text(found) if found else "somebody may hold the handle"
+
 
 def _bias_text(bias: tuple) -> str:
-    force = ", ".join(f"{x:.2f}" for x in bias[:3])
     torque = ", ".join(f"{x:.3f}" for x in bias[3:])
-    return f"{force} N and {torque} Nm"
+    return f"{_force_text(bias[:3])} and {torque} Nm"
+
+
+def _force_text(force: Sequence[float]) -> str:
+    return f"{', '.join(f'{x:.2f}' for x in force)} N"

@@ -147,18 +147,16 @@ class ImpedanceControllerNode(Node):
         law = known = self.parameters.read(VerticalSettings).validated()
         if chosen.gravity is not None:
             known = law.calibrated(chosen.gravity, chosen.mass)
+        if self._certificate and not self.parameters.read(CertificateSettings).uncertified_gains:
+            known = self._certificate.chosen(known)
         if refused := self._problem(known, own.mode):
             raise ValueError(refused)
-        if chosen.gravity is not None:
-            names = ("gravity", "mass", "observer_inertia")
-            refused = self.parameters.write(**{name: getattr(known, name) for name in names})
-            if refused:
-                raise ValueError(f"{settings.calibration_file}: {refused}")
-            self._replaced = {name: (getattr(law, name), getattr(known, name)) for name in names}
-            self.get_logger().info(
-                f"calibration {chosen.identity}: gravity set to {chosen.gravity:g} N "
-                f"(the parameter was {law.gravity:g} N)"
-            )
+        values = {name: new for name, new in known._asdict().items() if new != getattr(law, name)}
+        if refused := self.parameters.write(**values):
+            raise ValueError(f"the module's calibration and certificate: {refused}")
+        self._replaced = {name: (getattr(law, name), new) for name, new in values.items()}
+        for name, (before, now) in self._replaced.items():
+            self.get_logger().info(f"this module's {name}: {now:g} (the parameter was {before:g})")
         self._name_calibration()
 
     def _leave_calibration(self) -> None:

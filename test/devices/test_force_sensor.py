@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import random
 import struct
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import BusError, NotAnswering, NotNow, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
+from screw_module_ros.devices.tare import zero_error
 from screw_module_ros.rig.rig import Rig
 from screw_module_ros.samples import ForceReading
 
@@ -644,6 +646,25 @@ def test_no_frames_whatever_crash_the_driver(frames):
 def readings(*forces, status=0):
     return [ForceReading(n, n, n, 0.0, 0.0, fz, 0.0, 0.1, 0.0, status) for n, fz in
             enumerate(forces)]  # fmt: skip
+
+
+@pytest.mark.parametrize("trembles", [0.0, 0.03, 0.2])
+def test_the_zero_seems_off_by_a_force_that_no_hand_holds(trembles):
+    """The noise of a sample is 0.05 N; a hand at rest varies by some tenths of a newton."""
+    draw = random.Random(1)
+    force = [
+        -0.8 + draw.gauss(0.0, 0.05) + trembles * math.sin(2.0 * math.pi * 0.8 * k / 100.0)
+        for k in range(200)
+    ]
+    found = zero_error(readings(*force))
+    if trembles > 0.1:
+        assert found is None
+    else:
+        assert found == pytest.approx([0.0, 0.0, -0.8], abs=0.02)
+
+
+def test_too_few_samples_show_no_error_of_the_zero():
+    assert zero_error(readings(*[0.5] * 9)) is None
 
 
 def test_tare_moves_the_zero_and_can_be_undone(wire, sensor, sensor_end):

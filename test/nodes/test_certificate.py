@@ -48,15 +48,34 @@ def changed(node, **values):
     return "; ".join(result.reason for result in results if not result.successful)
 
 
-@pytest.mark.parametrize(
-    ("beyond", "within"),
-    [({"force_gain": 8.0}, {"force_gain": 6.0}), ({"rate": 500.0}, {"rate": 1000.0})],
-    ids=["gain", "a loop slower than the certificate's"],
-)
-def test_it_does_not_start_beyond_the_certificate(controller, beyond, within):
-    node = controller(mode=modes.FORCE_FEEDBACK, **beyond)
+def test_it_starts_with_the_gains_that_its_module_permits(controller):
+    """Smaller ones stay; after the module is gone, those of the parameters are back."""
+    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.get_parameter("force_gain").value == 6.28
+    assert node.get_parameter("observer_gain").value == VerticalSettings().observer_gain
+    node.trigger_activate()
+    assert node.part.settings.force_gain == 6.28
+    assert "6.28 at most" in changed(node, force_gain=8.0)
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert not changed(node, certificate_file="")
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.get_parameter("force_gain").value == 8.0
+    node.close()
+
+
+def test_it_chooses_the_observer_s_gain_too(controller):
+    node = controller(mode=modes.OBSERVER, damping=20.0, observer_gain=20.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.get_parameter("observer_gain").value == 12.6
+    node.close()
+
+
+def test_it_does_not_start_in_a_loop_slower_than_the_certificate_s(controller):
+    node = controller(mode=modes.FORCE_FEEDBACK, rate=500.0)
     assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
-    assert not changed(node, **within)
+    assert not changed(node, rate=1000.0)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     node.close()
 

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor's latched fault is on /diagnostics at once, not with the next entry of each second."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
 from screw_module_ros.nodes.support.states import OK, WARN, Health
+from screw_module_ros.samples import ForceReading
 
 
 @pytest.mark.parametrize("name", ["encoder", "force_sensor"])
@@ -52,3 +54,20 @@ def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, tared
     health = node.health()
     assert health.level == level
     assert ("~/tare" in health.message) == (level == WARN)
+
+
+def test_a_drifted_zero_is_shown_once_nobody_holds_the_handle(make_node, monkeypatch):
+    """It is shown alone: what removes it is a tare."""
+    node = make_node("force_sensor")
+    node.device = SimpleNamespace(bias=(0.0,) * 6, tared=True, voltages={})
+    node._wrench_every, node._watched = 5, 200
+    node._send_wrench = node.publish_packed = lambda *each: None
+    monkeypatch.setattr(node, "sensor_health", lambda shown: Health(OK, "sampling", shown))
+
+    def shown(force) -> str:
+        for k in range(1000):
+            node.publish(ForceReading(k, 0, 0, 0.0, 0.0, force(k), 0.0, 0.0, 0.0, 0))
+        return node.health().values["error of the zero, if nothing hangs on the handle"]
+
+    assert shown(lambda k: 3.0 * math.sin(0.005 * k)) == "somebody may hold the handle"
+    assert shown(lambda k: -0.8) == "0.00, 0.00, -0.80 N"
