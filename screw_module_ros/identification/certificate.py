@@ -25,7 +25,7 @@ from .trials import RELEASE
 FILE = "module_certificate.yaml"
 _MET = ("hand", "heavy_arm", "wall")
 """Environments of `stability` on which a permitted gain is stable. On a light mass against a wall
-hardly any is; there the chatter guard ends the oscillation."""
+and in a soft grip hardly any is; there the guard ends the oscillation."""
 _SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
 _SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 

@@ -154,6 +154,18 @@ def test_hand_formula_says_when_it_does_not_hold():
     assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
 
 
+def test_the_damping_of_a_soft_grip_decides_alone():
+    """Neither mount nor delay of the module: OBSERVER's negative resistance at 17 Hz does not."""
+    grip = Arm(0.45, 5e3, 40.0)
+    usual = largest_gain(Mechanism(), grip, Sampling(), MOVING)
+    assert usual < VerticalSettings().observer_gain
+    soft, slow = Mechanism(mount_stiffness=2e6), Sampling(delay=2e-3)
+    for other in ((soft, grip, Sampling()), (Mechanism(), grip, slow)):
+        assert largest_gain(*other, MOVING) == pytest.approx(usual, rel=0.1)
+    damped = largest_gain(Mechanism(), grip._replace(damping=60.0), Sampling(), MOVING)
+    assert damped > 5.0 * usual
+
+
 def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
     """With a rigid mount; all of the carried mass in, which the observer takes 0.9 kg too large."""
     light = Mechanism(nut_mass=3.6)
