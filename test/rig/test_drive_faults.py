@@ -80,6 +80,9 @@ def test_quirks_of_a_drive(torque_drive):
     assert drive.write(1, "1400:05", "1400") == "08000000"
     inject("wrong_profile")
     assert drive.read(1, "1000:00") == "91010000"
+    shown = drive.read(1, "6061:00")
+    inject("mode_lost")
+    assert shown != drive.read(1, "6061:00") == "00"
     inject("clear")
     assert drive.read(1, "6076:00") == "a4010000"
     inject("refuse_enable")
