@@ -245,6 +245,23 @@ def test_the_patient_is_told_what_to_do_now(result_of, state, told):
     """) == told
 
 
+@pytest.mark.parametrize(("space", "hand", "told"), [
+    ("plane", "x: 0.1, y: 0.009, z: null", "Get ready"),  # the vertical is not homed, nor used
+    ("plane", "x: 0.1, y: 0.011, z: 0.18", "Relax: the robot moves your hand"),
+    ("vertical", "x: null, y: null, z: 0.175", "Get ready"),
+    ("space", "x: 0.1, y: 0, z: 0.25", "Relax: the robot moves your hand"),
+])  # fmt: skip
+def test_a_hand_that_is_at_the_start_is_not_told_that_it_is_moved(result_of, space, hand, told):
+    """Between two reaches it is there already: the sentence came and went each two seconds."""
+    assert result_of(PLAYED_DOCUMENT + f"""
+        const {{ isAtStart }} = await import("./js/patient/main.js");
+        const {{ task }} = await import("./js/words.js");
+        const state = {{ phase: 1, start: {{ x: 0.1, y: 0, z: 0.18 }}, hit_radius: 0.01 }};
+        const world = {{ state, protocol: {{ space: "{space}" }}, hand: {{ {hand} }} }};
+        const result = task(state, isAtStart(world));
+    """) == told
+
+
 @pytest.mark.parametrize(("hand_y", "way"), [(-0.1, -1), (0.1, 1), (0.01, None)])
 def test_the_floor_shows_whether_a_target_is_farther_or_nearer(result_of, hand_y, way):
     """Without it a hand that is too far away is seen at a target that is nearer and lower."""
@@ -352,6 +369,19 @@ def test_the_form_follows_the_session_also_when_another_began_meanwhile(result_o
         card.show({ state: 1, patient: "P-33333", protocol: "b" });
         const result = [card.patient.value, card.protocol.value, card.start.disabled];
     """) == ["P-33333", "b", True]
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_the_form_shows_whether_the_session_that_runs_is_recorded(result_of, recorded):
+    """Another page, or a console, may have started it; the next one is recorded by default."""
+    assert result_of(FORM + f"""
+        card.record.checked = true;
+        const seen = (state, recorded) => {{
+          card.show({{ state, recorded, patient: "P-22222", protocol: "a" }});
+          return card.record.checked;
+        }};
+        const result = [seen(5, false), seen(1, {str(recorded).lower()}), seen(3, false)];
+    """) == [True, recorded, True]
 
 
 STOPPED = """

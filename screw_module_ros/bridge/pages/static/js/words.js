@@ -42,9 +42,9 @@ const TASKS = {
   strength: "Push in the direction of the arrow",
 };
 
-// What to do now in a session.
-export function task(state) {
-  if (state.phase === PREPARE) return "Relax: the robot moves your hand";
+// What to do now in a session; isAtStart: the hand is where the movement begins.
+export function task(state, isAtStart) {
+  if (state.phase === PREPARE) return isAtStart ? "Get ready" : "Relax: the robot moves your hand";
   if (state.phase === REACHED) return "Well done";
   const lift = state.kind === "reach" && state.start.z !== state.target.z
     && state.start.x === state.target.x && state.start.y === state.target.y;
@@ -103,7 +103,7 @@ export const PAGE = {
   write: "Write down, elsewhere, whose pseudonym this is.",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
   limits: "Limits", unknown: "Not known yet.",
-  hand: "Hand (arrow: its force)", above: "From above: far is up",
+  hand: "Hand [cm] (arrow: its force)", above: "From above: far is up",
   side: "From the side: far is right", traces: "Traces, time [s]",
   position: "Position [cm]", force: "Force of the patient on the robot [N]",
   axes: ["x right", "y away", "z up"],
@@ -166,7 +166,7 @@ export function changeSentence({ block, circuit, duration, side, reason }) {
 }
 
 const PHASES = {
-  [PREPARE]: "the robot brings the hand to the start", [WAIT]: "the target is shown",
+  [PREPARE]: "the robot brings the hand to the start and holds it there", [WAIT]: "the target is shown",
   [MOVING]: "the patient moves", [OVER_TIME]: "over time, the wall stiffens slowly",
   [REACHED]: "reached",
 };

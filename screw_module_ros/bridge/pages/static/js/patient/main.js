@@ -179,6 +179,14 @@ function drawPlay(picture, dt, now, isHeard) {
   }
 }
 
+const AXES = { plane: ["x", "y"], vertical: ["z"], space: ["x", "y", "z"] };
+
+// Whether the hand is at the start of the movement, on the axes that the protocol uses.
+export function isAtStart({ hand, protocol, state }) {
+  const ways = AXES[protocol?.space ?? "plane"].map((axis) => hand[axis] - state.start[axis]);
+  return Math.hypot(...ways) <= state.hit_radius;
+}
+
 function showWords(inSession, isHeard, isTold) {
   const { reached, hasSeenAll, hasOthers } = seen;
   const state = inSession ? world.state : null;
@@ -192,7 +200,7 @@ function showWords(inSession, isHeard, isTold) {
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
-  say($("task"), over ? "" : running ? task(world.state) : play === "free" ? SCREEN.freely : "");
+  say($("task"), over ? "" : running ? task(world.state, isAtStart(world)) : play === "free" ? SCREEN.freely : "");
   $("progress").hidden = !running;
   if (running) {
     const share = (100 * (world.state.trial - 1)) / Math.max(world.state.trials, 1);

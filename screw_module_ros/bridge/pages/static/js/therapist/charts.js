@@ -38,8 +38,8 @@ export class Views {
     const place = ([a, b]) => [
       ((a - low[0]) / (high[0] - low[0])) * width, (1 - (b - low[1]) / (high[1] - low[1])) * height,
     ];
-    drawGrid(ctx, place, low, high, width, height);
     if (limits) drawWorkspace(ctx, place, of, limits);
+    drawGrid(ctx, place, low, high, width, height);
     if (isUnderWay(state)) {
       for (const [x, y, z] of targetsOf(protocol, state)) disc(ctx, ...place(of({ x, y, z })), 5, "#fff", SOFT, 2);
       disc(ctx, ...place(of(state.start)), 6, null, INK, 2);
@@ -73,7 +73,8 @@ function drawGrid(ctx, place, low, high, width, height) {
     const [, y] = place([0, b]);
     ctx.moveTo(0, y);
     ctx.lineTo(width, y);
-    text(ctx, `${Math.round(100 * b)} cm`, 4, y - size, size, SOFT, "left", 400);
+    ctx.clearRect(1, y - 1.6 * size, 1.9 * size, 1.2 * size); // the workspace's edge crosses it
+    text(ctx, Math.round(100 * b), 2, y - size, size, SOFT, "left", 400);
   }
   ctx.stroke();
 }
@@ -143,7 +144,7 @@ export class Traces {
         y: { range: (_, low, high) => [Math.min(range[0], low ?? 0), Math.max(range[1], high ?? 0)] },
       },
       axes: [{
-        font, stroke: INK, size: hasTimes ? 2 * FONT : 4, ...(hasTimes ? {} : { values: (_, times) => times.map(() => "") }),
+        font, stroke: INK, size: hasTimes ? 2 * FONT : 0.6 * FONT, ...(hasTimes ? {} : { values: (_, times) => times.map(() => "") }),
       }, { font, size: 3.2 * FONT, stroke: INK }], cursor: { show: false },
       legend: { show: false }, hooks: { draw: [nameEnds] },
     };

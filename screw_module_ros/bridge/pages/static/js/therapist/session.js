@@ -116,8 +116,9 @@ export class SessionCard {
   }
 
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
-  take({ patient, protocol }) {
+  take({ patient, protocol, state, recorded }) {
     this.patient.value = this.last = patient;
+    if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
     const known = this.protocols.find((each) => each.protocol === protocol);
     if (known) this.protocol.value = known.name;
@@ -126,6 +127,7 @@ export class SessionCard {
   // After a session: the next patient's must not be kept under the pseudonym of the one before.
   clear() {
     this.patient.value = "P-";
+    this.record.checked = true;
     this.again.textContent = again(this.last);
     this.again.hidden = false;
   }
