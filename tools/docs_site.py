@@ -20,14 +20,20 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import get_args, get_origin
 
 import click
 
 import isolation
 from screw_module_ros import graph, session_command
+from screw_module_ros.calibration.certificate import Certificate
+from screw_module_ros.calibration.module import ModuleCalibration
+from screw_module_ros.profiles import Profile
 from screw_module_ros.programs import PROGRAMS
 from screw_module_ros.settings import fields
+from screw_module_ros.therapy import cli
 from screw_module_ros.therapy.measures import MEASURES
+from screw_module_ros.therapy.protocol import Protocol
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES, HTML = ROOT / "build/site/pages", ROOT / "build/site/html"
@@ -214,6 +220,65 @@ def measures() -> str:
     )
 
 
+FILES = (
+    ("Protocol", Protocol, "A therapy session: `params/therapy` and the folder of "
+     "[your own](../docs/therapy.md#protocols)."),
+    ("Device profile", Profile, "What is known of a make: `params/devices`, "
+     "[another robot](../docs/porting.md)."),
+    ("Calibration", ModuleCalibration, "Of one module, written by "
+     "[`characterize`](../docs/characterization.md); `friction` and `linearization` may also stand "
+     "in files of their own."),
+    ("Certificate", Certificate, "The largest force gains of one module: "
+     "[the certificate](../docs/characterization.md#the-certificate)."),
+)  # fmt: skip
+
+
+def files() -> str:
+    """Return the page of the file formats: the keys of each YAML file, and what is exported."""
+    parts = [
+        "# File formats\n\nA bag has [its own section](../docs/recording.md#what-is-in-a-bag), a "
+        "parameter file [the parameters](parameters.md). The other files are YAML. All but "
+        "protocols begin with `format` and `version`. A key without a default must be there, an "
+        "unknown one is refused; `[]` is a list or a mapping of such records.\n"
+    ]
+    titles = ["key", "default", "unit", "range", "meaning"]
+    for title, kind, text in FILES:
+        told = f"{text}\n\n{inspect.getdoc(kind)}"
+        parts.append(f"## {title}\n\n{told}\n\n{table(titles, keys_of(kind))}")
+    columns = ", ".join(map(code, cli.COLUMNS_IN_FRONT))
+    parts.append(
+        "## Export\n\n`session export` writes `trials.csv`, one row a trial, in SI units: "
+        f"{columns}, and what `therapy/trial` has ([TrialResult](messages.md#trialresult)). "
+        "`columns.csv` beside it says what the [measures](measures.md) among them mean.\n"
+    )
+    return "\n".join(parts)
+
+
+def keys_of(kind: type, above: str = "") -> list[list[str]]:
+    """Return the rows of a record's keys, those of the records in it after its own name."""
+    rows = []
+    for field in fields(kind).values():
+        name = f"{above}{field.name}"
+        inner, mark = record_in(field.kind)
+        if inner is not None:
+            rows += keys_of(inner, f"{name}{mark}.")
+            continue
+        default = kind._field_defaults.get(field.name)
+        told = "" if default is None else shown(default) or "empty"
+        rows.append([code(name), told, field.setting.unit, extent(field.setting),
+                     field.setting.text])  # fmt: skip
+    return rows
+
+
+def record_in(kind) -> tuple[type | None, str]:
+    """Return the record of a key's type, None if it has none, and `[]` if there are several."""
+    if hasattr(kind, "_fields"):
+        return kind, ""
+    several = "[]" if get_origin(kind) in (tuple, dict) else ""
+    inner = next((part for part in get_args(kind) if hasattr(part, "_fields")), None)
+    return inner, several
+
+
 def client() -> str:
     """Return the page of the Python client."""
     from screw_module_ros.operator.client import Client
@@ -239,7 +304,7 @@ def _call(method: Callable) -> str:
 
 REFERENCE = {
     "topics": topics, "messages": messages, "parameters": parameters, "commands": commands,
-    "measures": measures, "client": client,
+    "measures": measures, "files": files, "client": client,
 }  # fmt: skip
 
 

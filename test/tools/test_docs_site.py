@@ -47,6 +47,28 @@ def test_every_topic_and_measure_has_a_row():
     assert [row[0] for row in _rows(docs_site.measures())] == [f"`{m.name}`" for m in MEASURES]
 
 
+class Inner(NamedTuple):
+    low: Annotated[float, Setting("smallest", "m", 0.0, 1.0)]
+
+
+class File(NamedTuple):
+    serial: Annotated[str, Setting("of the module")]
+    one: Inner
+    many: tuple[Inner, ...]
+    named: dict[str, Inner] = {}
+    maybe: Inner | None = None
+    count: Annotated[int, Setting("of targets", "", 1, 16)] = 8
+
+
+def test_a_file_has_the_keys_of_the_records_in_it():
+    smallest = ["", "m", "0 to 1", "smallest"]
+    assert docs_site.keys_of(File) == [
+        ["`serial`", "", "", "", "of the module"],
+        ["`one.low`", *smallest], ["`many[].low`", *smallest], ["`named[].low`", *smallest],
+        ["`maybe.low`", *smallest], ["`count`", "8", "", "1 to 16", "of targets"],
+    ]  # fmt: skip
+
+
 def test_every_message_is_there_as_it_is_defined():
     page = docs_site.messages()
     files = [*ROOT.glob("msg_defs/*/*.*")]
