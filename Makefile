@@ -33,7 +33,7 @@ fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yam
 bench: build  ## how fast it runs here: wall clock, lock step, calls of a tick, the loop; ARGS="--quick --only steps"
 	@tools/run bench $(ARGS)
 
-soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--wall-clock"
+soak: build  ## ten minutes of work, recorded: does anything grow? ARGS="--wall-clock", "--protocol clock_adaptive"
 	@tools/run soak $(ARGS)
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md

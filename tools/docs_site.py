@@ -245,7 +245,7 @@ def files() -> str:
     for title, kind, text in FILES:
         told = f"{text}\n\n{inspect.getdoc(kind)}"
         parts.append(f"## {title}\n\n{told}\n\n{table(titles, keys_of(kind))}")
-    columns = ", ".join(map(code, cli.COLUMNS_IN_FRONT))
+    columns = ", ".join(map(code, cli.LEADING))
     parts.append(
         "## Export\n\n`session export` writes `trials.csv`, one row a trial, in SI units: "
         f"{columns}, and what `therapy/trial` has ([TrialResult](messages.md#trialresult)). "

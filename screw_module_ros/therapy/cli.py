@@ -20,7 +20,7 @@ from .pseudonym import new_pseudonym, patient_folder, write_private
 from .recorded import Recorded, in_order, read_sessions, without_copies
 from .replay import replayed
 
-COLUMNS_IN_FRONT = (
+LEADING = (
     "patient", "protocol", "protocol_sha256", "started_ns",
     "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
 )  # fmt: skip
@@ -84,8 +84,7 @@ def _export(options: argparse.Namespace) -> int:
     for patient, own in rows.items():
         with _writing(options.out):
             folder = patient_folder(options.out, patient)
-            columns = (*COLUMNS_IN_FRONT, *COLUMNS)
-            write_private(folder / "trials.csv", csv_text(columns, own).encode())
+            write_private(folder / "trials.csv", csv_text((*LEADING, *COLUMNS), own).encode())
             write_private(folder / "columns.csv", columns_text().encode())
         print(folder / "trials.csv")
     return 0

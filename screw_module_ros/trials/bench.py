@@ -318,7 +318,7 @@ def measure(case: Case, seconds: float) -> Run:
              for word in ("-p", f"{node}:rate:={float(case.rate)}")]  # fmt: skip
     extra.append("--disable-stdout-logs")
     nodes = GraphRun(extra=extra, composed=case.processes == COMPOSED, wall_clock=True)
-    port = _free_port()
+    port = free_port()
 
     def beside(graph: GraphRun) -> None:
         if case.page:
@@ -538,7 +538,8 @@ class PageReader:
                 self.received += content["op"] == "publish"
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a TCP port of this machine that is free now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]

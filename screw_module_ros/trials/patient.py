@@ -133,11 +133,14 @@ PEOPLE = {
 
 
 class SimulatedPlayer:
-    """Moves the rig's arm as the screen asks; the caller calls `look` periodically."""
+    """Moves the rig's arm as the screen asks; the caller calls `look` periodically.
+
+    state: of the session, None before the first.
+    """
 
     def __init__(self, robot: Robot, person: Person):
         self._robot, self._person = robot, person
-        self._state: TherapyState | None = None
+        self.state: TherapyState | None = None
         self._wish: tuple[float, float, float] | None = None
         self._wished_ns = 0
         self._seen: object = None
@@ -157,7 +160,7 @@ class SimulatedPlayer:
 
     def _goal(self) -> tuple[object, tuple[float, float, float]] | None:
         """Return the identity of the current target, and the target [m]."""
-        state = self._state
+        state = self.state
         if state is not None and state.state == TherapyState.RUNNING:
             self._wish = None
             return self._asked(state)
@@ -179,7 +182,7 @@ class SimulatedPlayer:
         return (state.trial, prepares), (x, y, z)
 
     def _hear_state(self, message: TherapyState) -> None:
-        self._state = message
+        self.state = message
 
     def _hear_wish(self, message: EndpointSetpoint) -> None:
         wish = (message.position.x, message.position.y, message.position.z)

@@ -6,6 +6,9 @@ the mode changes periodically. Every few seconds the program samples the resourc
 and, by wall clock, the latency of the commands. At the end it audits the bag: no quantity may grow
 (a robust slope against a bound), nothing may be lost. All durations are in the robot's time;
 simulated time passes as fast as the machine allows.
+
+With --protocol the processes are those of `therapy`, a therapy session runs to its end in place of
+the modes, and the audit computes it again from the bag.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,8 +32,11 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.stats import theilslopes
-from screw_module_msgs.msg import AmplifierState, ForceCommand
+from screw_module_msgs.msg import AmplifierState, ForceCommand, TherapyState
+from screw_module_msgs.srv import StartTherapy
 
+from screw_module_ros.bridge.rights import ROLES, SUBSCRIBE
+from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
 from screw_module_ros.figure_style import COLOURS, STYLE, save
 from screw_module_ros.recording.verify import Report, verify
@@ -36,8 +44,13 @@ from screw_module_ros.recording.verify import Report, verify
 from ..nodes.support import topics
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, RobotError, arm
+from ..therapy.pseudonym import new_pseudonym
+from ..therapy.recorded import read_sessions
+from ..therapy.replay import replayed
+from . import therapy
+from .bench import PageReader, free_port
 from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
-from .patient import Hand
+from .patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
 from .runner import (
     Console,
     FiniteRange,
@@ -61,18 +74,19 @@ _MODES = (
     ForceCommand.OFF,
 )
 _QUICK_S, _QUICK_EVERY, _QUICK_CHANGE = 20.0, 1.0, 3.0
-_SETPOINT_PERIOD_S = 0.02
+_STEP_S = 0.02
 _PATH_S = 9.0  # once around in the plane
 _RADIUS = 0.06  # [m]
 _AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
 _SHARED = "/dev/shm/"
+_PERSON = PEOPLE[HEALTHY]
 _WALL = WallClock()
 
 
 class Bound(NamedTuple):
     """Allowed growth of a quantity over the run: a share of its median, but at least `least`.
 
-    per_hour: `least` is per hour, not per run.
+    per_hour: `least` is per hour of the wall clock, by which the recorder flushes, not per run.
     """
 
     unit: str
@@ -132,6 +146,7 @@ class Line(NamedTuple):
 
 @command("soak")
 @click.option("--minutes", default=10.0, type=FiniteRange(0.1, 6000.0), help="Duration.")
+@click.option("--protocol", default="", help="Instead a session of this protocol to its end.")
 @click.option("--quick", is_flag=True, help=f"Run only {_QUICK_S:g} s.")
 @click.option("--every", default=5.0, type=FiniteRange(0.5, 600.0), help="Sampling period [s].")
 @click.option("--change", default=20.0, type=FiniteRange(2.0, 3600.0),
@@ -142,31 +157,45 @@ class Line(NamedTuple):
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a check fails.")
 def soak(
-    console: Console, minutes: float, quick: bool, every: float, change: float, folder: Path,
-    keep_bag: bool, params: str | None, wall_clock: bool, strict: bool,
+    console: Console, minutes: float, protocol: str, quick: bool, every: float, change: float,
+    folder: Path, keep_bag: bool, params: str | None, wall_clock: bool, strict: bool,
 ) -> bool:  # fmt: skip
     """Run the robot for a long time; report leaks, growing latency and lost samples."""
     seconds = 60.0 * minutes
     if quick:
         seconds, every, change = _QUICK_S, min(every, _QUICK_EVERY), min(change, _QUICK_CHANGE)
     run = new_folder(folder, console)
-    extra = ["--disable-stdout-logs", "-p", "session_recorder:name:=session", *recordings_in(run)]
+    patient = new_pseudonym() if protocol else ""
+    name = f"{patient}_{Path(protocol).stem}_{run.name}" if protocol else "session"
+    extra = ["--disable-stdout-logs", "-p", f"session_recorder:name:={name}", *recordings_in(run)]
     extra += [] if wall_clock else _AS_FAST_AS_IT_GOES
-    with running("soak", console, GraphRun(params, extra=extra, wall_clock=wall_clock)) as (
-        robot, graph,
-    ):  # fmt: skip
-        work = Work(robot, graph, make_ready(robot, console))
+    nodes = GraphRun(params, extra=extra, wall_clock=wall_clock, composed=bool(protocol))
+    port = free_port()
+    beside = therapy.with_pages(port) if protocol else lambda graph: None
+    with ExitStack() as stack:
+        robot, graph = stack.enter_context(running("soak", console, nodes, beside))
+        ready = partial(therapy.make_ready, person=_PERSON) if protocol else make_ready
+        work = Work(robot, graph, ready(robot, console))
         bag = robot.start_recording()
-        with console.progress(f"working for {seconds:g} s", seconds) as passed:
-            begun_ns = _WALL.now_ns()
-            work.carry_out(seconds, every, change, passed)
-            factor = seconds / (1e-9 * (_WALL.now_ns() - begun_ns))
+        begun_ns = _WALL.now_ns()
+        if protocol:
+            open_pages(graph, port, stack)
+            with console.progress(f"session of {protocol}", 1.0) as passed:
+                work.treat(protocol, patient, every, passed)
+        else:
+            with console.progress(f"working for {seconds:g} s", seconds) as passed:
+                work.carry_out(seconds, every, change, passed)
+        seconds = work.samples[-1].time
+        factor = seconds / (1e-9 * (_WALL.now_ns() - begun_ns))
         with console.step("torque off, recording closed"):
             work.finish()
     with console.step("counting the bag anew"):
         audit = verify(bag)
-    found = trends(work.samples)
+    found = trends(work.samples, factor)
     lines = verdicts(found, audit, work.recorder, work.stops)
+    for session in read_sessions(bag) if protocol else ():
+        again = replayed(session)
+        lines.append(Line("session computed again", not again.problems, again.verdict))
     figure = draw(work.samples, run / "soak.png")
     told = content(
         work.samples, found, lines,
@@ -184,6 +213,14 @@ def soak(
     text = f"Real-time factor {factor:.2f}: {seconds:g} s of the robot's time."
     console.show(table(lines), text, f"Figure: {figure}", f"As JSON: {file}")
     return all(line.good for line in lines)
+
+
+def open_pages(graph: GraphRun, port: int, stack: ExitStack) -> None:
+    """Read what the patient's and the therapist's page read, until `stack` closes."""
+    tokens = tokens_in(therapy.token_file(graph))
+    for role, token in tokens._asdict().items():
+        topics_of = ROLES[role][SUBSCRIBE]
+        stack.enter_context(PageReader(f"http://127.0.0.1:{port}", token, topics_of))
 
 
 class Work:
@@ -209,9 +246,10 @@ class Work:
         robot = self._robot
         robot.set_arm(arm(target=(0.0, 0.0, SPRING.centre), duration=1.0,
                           amplitude=(0.03, 0.03, AMPLITUDE), omega=(0.5, 0.7, OMEGA)))  # fmt: skip
-        self._begun_ns = robot.clock.now_ns()
-        look_due = change_due = 0.0
-        while (now := self._passed()) < seconds:
+        change_due = 0.0
+        for now in self._steps(every):
+            if now >= seconds:
+                return
             angle = math.tau * now / _PATH_S
             robot.set_setpoint(
                 _RADIUS * math.cos(angle), _RADIUS * math.sin(angle), SPRING.centre
@@ -219,11 +257,36 @@ class Work:
             if now >= change_due:
                 change_due += change
                 self._change()
+            passed(now)
+
+    def treat(
+        self, protocol: str, patient: str, every: float, passed: Callable[[float], None]
+    ) -> None:
+        """Carry out a session with a healthy patient until it ends, or pauses by itself."""
+        player = SimulatedPlayer(self._robot, _PERSON)
+        request = StartTherapy.Request(protocol=protocol, patient=patient)
+        self._robot.ask(StartTherapy, f"{therapy.SESSION}/start", request)
+        for _ in self._steps(every):
+            player.look()
+            state = player.state
+            if state is None or state.state == TherapyState.IDLE:
+                continue
+            if state.state != TherapyState.RUNNING:
+                self.stops += [state.reason] if state.reason else []
+                return
+            passed(state.trial / state.trials)
+
+    def _steps(self, every: float) -> Iterator[float]:
+        """Yield the time since the start of the run [s] in steps; sample the resources."""
+        self._begun_ns = self._robot.clock.now_ns()
+        look_due = 0.0
+        while True:
+            now = self._passed()
             if now >= look_due:
                 look_due += every
                 self._look(now)
-            passed(now)
-            robot.pause(_SETPOINT_PERIOD_S)
+            yield now
+            self._robot.pause(_STEP_S)
 
     def finish(self) -> None:
         """Switch the torque off and close the bag; nodes without an answer do so on shutdown."""
@@ -309,18 +372,21 @@ def usage(pid: int) -> dict[str, float]:
 # Trends and checks --------------------------------------------------------------------------------
 
 
-def trends(samples: Sequence[Sample]) -> list[Trend]:
-    """Return the trend of every quantity after the warm-up that has enough samples."""
+def trends(samples: Sequence[Sample], factor: float = 1.0) -> list[Trend]:
+    """Return the trend of every quantity after the warm-up that has enough samples.
+
+    factor: of real time, at which the robot's time passed.
+    """
     if not samples:
         return []
     duration = samples[-1].time - samples[0].time
     begin = samples[0].time + min(WARM_UP_S, _SHARE_OF_WARM_UP * duration)
     kept = [sample for sample in samples if sample.time >= begin]
     names = dict.fromkeys(name for sample in kept for name in sample.values)
-    return [found for name in names if (found := _trend(name, kept)) is not None]
+    return [found for name in names if (found := _trend(name, kept, factor)) is not None]
 
 
-def _trend(name: tuple[str, str], samples: Sequence[Sample]) -> Trend | None:
+def _trend(name: tuple[str, str], samples: Sequence[Sample], factor: float) -> Trend | None:
     seen = [(sample.time, sample.values.get(name, math.nan)) for sample in samples]
     points = [point for point in seen if math.isfinite(point[1])]
     if len(points) < _LEAST:
@@ -329,7 +395,7 @@ def _trend(name: tuple[str, str], samples: Sequence[Sample]) -> Trend | None:
     span = float(times[-1] - times[0])
     fit = theilslopes(values, times, 0.95)
     bound = BOUNDS[name[1]]
-    least = bound.least * span / 3600.0 if bound.per_hour else bound.least
+    least = bound.least * span / (3600.0 * factor) if bound.per_hour else bound.least
     allowed = max(bound.share * float(np.median(values)), least)
     allowed = max(allowed, _PAGES) if bound.unit == "MiB" else allowed
     third = max(1, len(values) // 3)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import select
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -48,14 +49,19 @@ def therapy(
     extra = [] if node_logs else ["--disable-stdout-logs"]
     if folder is not None:
         extra += recordings_in(folder)
+    nodes = GraphRun(extra=extra, composed=True)
+    with running("therapy", console, nodes, with_pages(port, file_games)) as (robot, graph):
+        serve(robot, PEOPLE[patient], port, tokens_in(token_file(graph)), console)
+
+
+def with_pages(port: int, file_games: bool = False) -> Callable[[GraphRun], None]:
+    """Return what adds session and bridge to a run; port: 0 = any that is free."""
 
     def beside(graph: GraphRun) -> None:
         graph.add(SESSION)
         graph.add(BRIDGE, *bridge_words(graph, port, file_games))
 
-    nodes = GraphRun(extra=extra, composed=True)
-    with running("therapy", console, nodes, beside) as (robot, graph):
-        serve(robot, PEOPLE[patient], port, tokens_in(token_file(graph)), console)
+    return beside
 
 
 def bridge_words(graph: GraphRun, port: int, file_games: bool) -> list[str]:
@@ -71,9 +77,7 @@ def token_file(graph: GraphRun) -> Path:
 
 def serve(robot: Robot, person: Person, port: int, tokens: Tokens, console: Console) -> None:
     """Bring the robot up, print the addresses, and move the patient's hand until Ctrl-C."""
-    hand, player = Hand(robot, person.takes_hold()), SimulatedPlayer(robot, person)
-    with console.step("homing and taring, patient takes hold, torque on"):
-        make_ready(robot, hand)
+    hand, player = make_ready(robot, console, person), SimulatedPlayer(robot, person)
     click.echo("Open in a browser; Ctrl-C here ends everything.")
     for role, token in tokens._asdict().items():
         click.echo(f"  {role:9}  http://127.0.0.1:{port}/{role}#token={token}")
@@ -93,12 +97,15 @@ def serve(robot: Robot, person: Person, port: int, tokens: Tokens, console: Cons
         robot.pause(_LOOK_S)
 
 
-def make_ready(robot: Robot, hand: Hand) -> None:
+def make_ready(robot: Robot, console: Console, person: Person) -> Hand:
     """Bring the started robot to operation: homed, tared, hand on the handle, torque on."""
-    robot.set_parameter("impedance_controller", "force_gain", _FORCE_GAIN)
-    robot.set_impedance(_STIFFNESS, _DAMPING)
-    robot.set_impedance(_STIFFNESS, _DAMPING, node="manus")
-    bring_up(robot, ForceCommand.FORCE_FEEDBACK, hand)
+    hand = Hand(robot, person.takes_hold())
+    with console.step("homing and taring, patient takes hold, torque on"):
+        robot.set_parameter("impedance_controller", "force_gain", _FORCE_GAIN)
+        robot.set_impedance(_STIFFNESS, _DAMPING)
+        robot.set_impedance(_STIFFNESS, _DAMPING, node="manus")
+        bring_up(robot, ForceCommand.FORCE_FEEDBACK, hand)
+    return hand
 
 
 def _enter() -> bool:
