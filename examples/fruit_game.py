@@ -22,7 +22,7 @@ def obstacle(state: EndpointState) -> str:
     if not all(state.enabled):
         return "the torque is off: enable both drives"
     if not wishes.get_subscription_count():
-        return "therapy_session is not running: nobody takes a game's wishes"
+        return "nobody takes a game's wishes yet: does therapy_session run?"
     return ""
 
 

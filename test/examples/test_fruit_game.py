@@ -98,7 +98,7 @@ def test_it_says_why_nothing_moves(state, why, game, hand, wait_until):
 def test_it_says_that_nobody_takes_its_wishes(game, hand, wait_until):
     def told():
         hand.stand(*FAR)
-        return any("therapy_session is not running" in line for line in game[1])
+        return any("does therapy_session run?" in line for line in game[1])
 
     wait_until(told, 30.0, "the warning")
 
