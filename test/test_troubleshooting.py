@@ -31,12 +31,13 @@ NOT_SAID = (
     r"^; no |^, or |^\{\}; \{\}: \{\}$|^  \{\}  \{\}$|^\{\} in ROS domain \{\}$",
     r"^for (the laws|mode EXCITATION)$|^the torque command was|^see the python-can manual",
     r"Net F/T on CAN$|^(ATI NETCANOEM|CiA \{\}), |^(heartbeat of master|frames 0x|force sensor 0x)",
-    r"^(drive|encoder) node \{\}$|^reserved bit|^vendor data|\[[\w% ]+\]$|^\{\} N and \{\} Nm$",
+    r"^(drive|encoder) node \{\}$|^reserved bit|^vendor data|\[[\w% ]+\]$|^\{\}( N)? and \{\} Nm$",
     r"6501, it does not scale|its scaling is on$|a classical CAN frame carries|a switch of its own",
     r"^(light control|operating time|battery charge|reference point)",
     r"^(Torque without a request|Emergency stop without|Controller silent, torque held)",
     # What was done, asked for or is in order.
     r"^(tared|back to|homed at|reset;|stopped;|the fault is cleared|record(ed|ing) to|running in)",
+    r"^this module's \{\}: ",
     r"^(mode|session|looking for topics:|calibration) \{\}[,:]|all inputs fresh|is closed$",
     r"^the (therapist|node) (paused|ended|was stopped)",
 )
