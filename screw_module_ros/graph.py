@@ -120,7 +120,7 @@ THERAPY_ASSISTANCE = "therapy/assistance"
 
 DECIMATED_RATE = 200.0
 """Rate of the decimated topics [1/s]. The middleware alone uses 4 to 5 % of a core for each
-subscription at 1 kHz, so only the chain from encoder to amplifier has any."""
+subscription at 1 kHz, so only the laws have any: from encoder to amplifier, and the plane's."""
 
 _OURS = "screw_module_msgs/msg/"
 _TOPICS = (
@@ -129,9 +129,9 @@ _TOPICS = (
     Topic(ENCODER_DECIMATED, _OURS + "EncoderSample", "state", "encoder", DECIMATED_RATE,
           ("endpoint_state", "supervisor")),
     Topic(FORCE, _OURS + "ForceSample", "sample", "force_sensor", 1000.0,
-          ("impedance_controller",), clock="force_sensor", every=1),
+          ("impedance_controller", "manus"), clock="force_sensor", every=1),
     Topic(FORCE_DECIMATED, _OURS + "ForceSample", "state", "force_sensor", DECIMATED_RATE,
-          ("manus", "endpoint_state", "supervisor")),
+          ("endpoint_state", "supervisor")),
     Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", "state", "force_sensor", 100.0),
     Topic(FORCE_COMMAND, _OURS + "ForceCommand", "command", "impedance_controller", 1000.0,
           ("amplifier",), clock="encoder", every=1),

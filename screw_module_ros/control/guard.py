@@ -31,7 +31,6 @@ import math
 from dataclasses import dataclass, field
 
 from ..filters import Highpass, clear_highpass, rapid, tune_highpass
-from .limits import clamp
 
 RAPID_HZ = 3.0  # twice first order, of force and velocity alike: equal phases
 WINDOW = 0.06  # [s] of the means
@@ -42,6 +41,8 @@ BEGIN, END = 20.0, 100.0  # [Ns/m] need from which the gain falls, at which it i
 SLOW, QUICK = 20.0, 35.0  # [rad/s] a hand's own motion; from where all of an oscillation counts
 OF_FREQUENCY = 0.5  # corner of the damper's high pass, of the oscillation's frequency
 LOWEST, HIGHEST = 18.0, 200.0  # [rad/s] of that corner
+OBSERVED = 0.5  # of `chatter_limit`: how much less a leaky gain needs for its oscillation to count
+LEAST_SHARE = 1e-3  # of the gain: its filter stays finite
 STILL = 1e-9  # [m^2/s^2] added to <v^2>: a nut that does not move shows no resistance
 
 CHATTER_HZ = 60.0
@@ -54,12 +55,14 @@ RETURN = 0.3  # [s] in which the gain comes back
 
 @dataclass(slots=True)
 class Chatter:
-    """Memory of the chatter: high pass of the force, mean square of its output [N^2], and `excess`,
-    which grows while the rms is above the limit and falls below it."""
+    """Memory of the chatter: high pass of the force, mean square of its output [N^2], `excess`,
+    which grows while the rms is above the limit and falls below it, and the share that it leaves,
+    0 to 1."""
 
     fast: Highpass = field(default_factory=Highpass)
     mean_square: float = 0.0
     excess: float = 0.0
+    share: float = 1.0
 
 
 @dataclass(slots=True)
@@ -91,25 +94,27 @@ class Guard:
     share: float = 1.0
 
 
-def tune_guard(guard: Guard, dt: float) -> None:
-    """Prepare the filters for a sample time dt [s]."""
+def tune_guard(guard: Guard, dt: float, chatter_hz: float = CHATTER_HZ) -> None:
+    """Prepare the filters for a sample time dt [s]; chatter_hz: corner of the chatter [Hz]."""
     tune_highpass(guard.passivity.error, RAPID_HZ, dt)
     tune_highpass(guard.passivity.velocity, RAPID_HZ, dt)
-    tune_highpass(guard.chatter.fast, CHATTER_HZ, dt)
+    tune_highpass(guard.chatter.fast, chatter_hz, dt)
 
 
 def guard_step(
-    guard: Guard, force: float, error: float, velocity: float, least: float, limit: float, dt: float
-) -> None:
+    guard: Guard, force: float, error: float, velocity: float, least: float, limit: float,
+    dt: float, back: float = RETURN,
+) -> None:  # fmt: skip
     """Judge a sample, dt [s] after the last one.
 
     force: of the patient on the robot; error: the same with the impedance's force [N]; velocity: of
     the nut, without a lag behind them [m/s]; least: rms of the rapid error below which no
-    resistance counts, limit: rms of the force beyond which chatter counts [N].
+    resistance counts, limit: rms of the force beyond which chatter counts [N]; back: time in which
+    the gain comes back after chatter [s].
     """
     element = guard.passivity
     bound = CLIPPED * least + 2.0 * math.sqrt(element.error_square)  # of one knock
-    fast = clamp(rapid(element.error, error), -bound, bound)
+    fast = min(max(rapid(element.error, error), -bound), bound)
     speed = rapid(element.velocity, velocity)
     acceleration, element.last = (speed - element.last) / dt, speed
     weight = min(1.0, dt / WINDOW)
@@ -123,13 +128,13 @@ def guard_step(
     element.need *= math.exp(-dt / KEPT)
     seen = math.sqrt(element.error_square) / least - 1.0
     if seen > 0.0:
-        missing = clamp(PASSIVE - element.power / motion, 0.0, MOST_NEED)
-        missing *= clamp((frequency - SLOW) / (QUICK - SLOW), 0.0, 1.0)
+        missing = min(max(PASSIVE - element.power / motion, 0.0), MOST_NEED)
+        missing *= min(max((frequency - SLOW) / (QUICK - SLOW), 0.0), 1.0)
         element.need = max(element.need, min(1.0, seen) * missing)
-    corner = clamp(OF_FREQUENCY * frequency, LOWEST, HIGHEST)
+    corner = min(max(OF_FREQUENCY * frequency, LOWEST), HIGHEST)
     element.slow += min(1.0, corner * dt) * (velocity - element.slow)
-    by_need = clamp((END - element.need) / (END - BEGIN), 0.0, 1.0)
-    guard.share = by_need * chatter_step(guard.chatter, force, limit, dt)
+    by_need = min(max((END - element.need) / (END - BEGIN), 0.0), 1.0)
+    guard.share = by_need * chatter_step(guard.chatter, force, limit, dt, back)
 
 
 def damper_force(element: Passivity, velocity: float, weight: float, most: float) -> float:
@@ -143,28 +148,44 @@ def damper_force(element: Passivity, velocity: float, weight: float, most: float
     return weight * size * (velocity - element.slow)
 
 
-def chatter_step(chatter: Chatter, force: float, limit: float, dt: float) -> float:
+def chatter_step(
+    chatter: Chatter, force: float, limit: float, dt: float, back: float = RETURN
+) -> float:
     """Return the share of the gain that chatter leaves, 0 to 1.
 
-    force: one sample [N], dt [s] after the last one; limit: rms above the corner [N].
+    force: one sample [N], dt [s] after the last one; limit: rms above the corner [N]; back: time in
+    which the gain comes back [s].
     """
-    fast = clamp(rapid(chatter.fast, force), -CLIPPED * limit, CLIPPED * limit)
+    fast = min(max(rapid(chatter.fast, force), -CLIPPED * limit), CLIPPED * limit)
     chatter.mean_square += min(1.0, dt / CHATTER_WINDOW) * (fast * fast - chatter.mean_square)
     over = math.sqrt(chatter.mean_square) / limit - 1.0
-    change = GROWTH * over if over > 0.0 else -1.0 / RETURN
-    chatter.excess = clamp(chatter.excess + dt * change, 0.0, BORNE + 1.0)
-    return share_left(chatter)
+    change = GROWTH * over if over > 0.0 else -1.0 / back
+    chatter.excess = min(max(chatter.excess + dt * change, 0.0), BORNE + 1.0)
+    chatter.share = min(1.0, 1.0 + BORNE - chatter.excess)
+    return chatter.share
 
 
-def share_left(chatter: Chatter) -> float:
-    """Return the share of the gain that chatter leaves, 0 to 1."""
-    return min(1.0, 1.0 + BORNE - chatter.excess)
+def leaky_gain(
+    fed: float, error: float, share: float, gain: float, cutoff: float, dt: float
+) -> float:
+    """Return the feedback of a force error [N], dt [s] after `fed` [N].
+
+    A gain k behind a low pass at w is the leaky integral k w / (s + w). To an oscillation it shows
+    the resistance -M k w W^2 / ((w + k w)^2 + W^2) at a frequency W. The guard's share makes it
+    leak faster and leaves k w: the gain falls at all frequencies, and so does that negative
+    resistance. Less of k alone would raise it first.
+
+    error: mean over the sample, as a bilinear low pass [N]; share: 0 to 1; gain: k; cutoff: w [Hz].
+    """
+    share = max(share, LEAST_SHARE)
+    kept = math.exp(-2.0 * math.pi * cutoff / share * dt)
+    return kept * fed + (1.0 - kept) * share * gain * error
 
 
 def forget_chatter(chatter: Chatter) -> None:
     """Forget the oscillation: the whole share is back."""
     clear_highpass(chatter.fast)
-    chatter.mean_square, chatter.excess = 0.0, 0.0
+    chatter.mean_square, chatter.excess, chatter.share = 0.0, 0.0, 1.0
 
 
 def forget(guard: Guard) -> None:

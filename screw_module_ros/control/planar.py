@@ -3,21 +3,21 @@
 
 ::
 
-    set point -> spring and damper in x and y -> + carried mass -> speed limit -> workspace
-              -> force limit -> torque = J^T force -> + joint friction -> joint limits
-              -> torque limits -> force limit at the hand -> rate limit -> torques
+    set point -> spring, damper, slot -> 45 N -> speed limit -> edges -> 45 N = desired force Fpd
+              -> + k w / (s + w) (Fpd + F) -> torque = J^T force -> joint limits -> torque limits
+              -> force limit of the stops -> rate limit -> torques
 
-F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law multiplies
+Fpd = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law multiplies
 with the Jacobian and never inverts it, so a stretched arm is no special case. Nothing jumps: the
-force fades in after enabling, impedance and set point move at limited rates, each torque changes by
-at most `torque_rate` dt per step, 0.6 Nm at 500 Hz by default. Only a step to zero is exempt.
+force fades in after enabling, impedance, gain and set point move at limited rates, each torque
+changes by at most `torque_rate` dt per step. Only a step to zero is exempt.
 
 The thesis leaves friction and mass as they are: 57 to 113 gram-force and the module's 12 lb on an
-arm of 4/3 kg at most (2.2.4, appendix D). Two parts, off by default, compensate some of that. The
-friction of each joint is fed forward by its angle. A force of `carried_mass` times the estimated
-acceleration carries mass; at the tip it weighs the same in every direction, without inertias of the
-arm. The estimate lags, and on a stiff, badly damped load no damper of the law makes up for that:
-mass is carried only in motion, and a guard takes it away when the force for it is rapid.
+arm of 4/3 kg at most (2.2.4, appendix D). What the hand feels beyond -Fpd is due to them, so a
+force gain k on Fpd + F, F the patient's force on the robot, divides both by 1 + k, as in the
+vertical law (eqs 6.5 to 6.8), and with the same guard, one along x and one along y. Fpd, with the
+edges of the workspace, keeps to the force limit at the hand; the feedback has its own limit.
+Without a force sample the gain fades, and the impedance is left.
 """
 
 from __future__ import annotations
@@ -26,18 +26,15 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..filters import Lowpass, clear, derivative, envelope, tune, tune_highpass
 from ..geometry import forward, jacobian
-from .friction import hysteresis
-from .guard import Chatter, chatter_step, forget_chatter
-from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
-from .planar_settings import CARRIED_HZ, PlanarSettings, least_damping
+from .guard import OBSERVED, Guard, damper_force, forget, guard_step, leaky_gain, tune_guard
+from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
+from .planar_settings import PlanarSettings, least_damping
 from .setpoint import Range, SetPoint, follow, hold_at
 
-MOVING = 0.03  # [m/s] largest recent speed along an axis from which all of the mass is carried
-CHATTER_HZ = 6.0  # of the force that carries the mass; of 3 Hz 20 % pass
-LARGEST = 20.0  # [N] that carry the mass, along each axis
-SMALLEST_FRICTION = 1e-3  # [Nm] keeps the angle over which it reverses finite
+# Lower than in the vertical law: on a wall of 1e6 N/m the plane oscillates at 60 Hz.
+CHATTER_HZ = 40.0
+RETURN = 3.0  # [s] in which the gain comes back there, longer too: the wall stays
 # Sine of the angle between the links up to which the arm counts as stretched or folded: the torque
 # that leads out of there does not vanish.
 SINGULAR = 0.02
@@ -50,7 +47,7 @@ class PlanarInput(NamedTuple):
     setpoint_x, setpoint_y [m] from the workspace centre, NaN = leave that axis alone;
     setpoint_vx, setpoint_vy [m/s]; active: False holds the torques at zero and the set point at the
     measured position; slot_x, slot_y: force of a slot [N]; slot_weight: 0 to 1, of spring and
-    damper that it replaces.
+    damper that it replaces; force_x, force_y: of the patient on the robot [N], NaN = not known.
     """
 
     shoulder: float
@@ -65,13 +62,16 @@ class PlanarInput(NamedTuple):
     slot_x: float = 0.0
     slot_y: float = 0.0
     slot_weight: float = 0.0
+    force_x: float = math.nan
+    force_y: float = math.nan
 
 
 class PlanarOutput(NamedTuple):
     """Torques and the quantities behind them.
 
-    shoulder_torque, elbow_torque [Nm]; force_x, force_y: on the handle, before the joints' limits
-    [N]; x, y [m], vx, vy [m/s]: handle; desired_x, desired_y [m]: set point; saturated: by a limit.
+    shoulder_torque, elbow_torque [Nm]; force_x, force_y: desired on the hand, without feedback and
+    the joints' limits [N]; x, y [m], vx, vy [m/s]: handle; desired_x, desired_y [m]: set point;
+    saturated: by a limit; share: of the force gain left by the guard, 0 to 1.
     """
 
     shoulder_torque: float
@@ -85,46 +85,40 @@ class PlanarOutput(NamedTuple):
     desired_x: float
     desired_y: float
     saturated: bool
+    share: float
 
 
 @dataclass(slots=True)
 class Axis:
-    """Memory of x or y. For the carried mass: low pass, chatter, largest recent velocity [m/s]."""
+    """Memory of x or y: set point, guard; error Fpd + F of the last step, feedback [N]."""
 
     setpoint: SetPoint = field(default_factory=SetPoint)
-    speed: Lowpass = field(default_factory=Lowpass)
-    fastest: float = 0.0
-    chatter: Chatter = field(default_factory=Chatter)
-
-
-@dataclass(slots=True)
-class Joint:
-    """Memory of shoulder or elbow: last angle [rad], modelled friction and last command [Nm]."""
-
-    angle: float = 0.0
-    friction: float = 0.0
-    torque: float = 0.0
+    guard: Guard = field(default_factory=Guard)
+    error: float = 0.0
+    fed: float = 0.0
 
 
 @dataclass(slots=True)
 class PlanarState:
     """Memory of the law; `initial_state` makes one. dt: for which the filters are tuned [s];
-    stiffness [N/m], damping [Ns/m] in use; weight of the force, 0 to 1."""
+    stiffness [N/m], damping [Ns/m], force gain in use; weight of the force, 0 to 1; shoulder,
+    elbow: last torques [Nm]."""
 
     dt: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.0
+    gain: float = 0.0
     weight: float = 0.0
     x: Axis = field(default_factory=Axis)
     y: Axis = field(default_factory=Axis)
-    shoulder: Joint = field(default_factory=Joint)
-    elbow: Joint = field(default_factory=Joint)
+    shoulder: float = 0.0
+    elbow: float = 0.0
 
 
 def initial_state(p: PlanarSettings) -> PlanarState:
     """Return the state before the first step: everything at zero."""
     state = PlanarState()
-    _rest(p, state, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+    _rest(p, state, 0.0, 0.0, 0.0, 0.0)
     return state
 
 
@@ -134,22 +128,25 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
     An input that is not finite or not plausible gives zero output; the caller latches a fault.
     """
     if not _usable(inp, dt):
-        x, y = s.x.setpoint.position, s.y.setpoint.position
-        return _rest(p, s, (x, y, 0.0, 0.0), 0.0, 0.0)
+        return _rest(p, s, s.x.setpoint.position, s.y.setpoint.position, 0.0, 0.0)
     dt = min(dt, LONGEST_STEP)
     if dt != s.dt:
-        _tune(s, dt)
+        s.dt = dt
+        tune_guard(s.x.guard, dt, CHATTER_HZ)
+        tune_guard(s.y.guard, dt, CHATTER_HZ)
     x, y = forward(inp.shoulder, inp.elbow, p.arm)
     x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, p.arm)
     vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
     vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
     if not inp.active:
-        return _rest(p, s, (x, y, vx, vy), inp.shoulder, inp.elbow)
+        return _rest(p, s, x, y, vx, vy)
     if s.weight == 0.0:
-        _place(p, s, x, y, inp.shoulder, inp.elbow)
+        _hold_at(p, s, x, y)
 
+    known = abs(inp.force_x) <= STRONGEST and abs(inp.force_y) <= STRONGEST
     s.stiffness = slew(s.stiffness, p.stiffness, p.stiffness_rate * dt)
-    enough = max(p.damping, least_damping(p, s.stiffness))
+    s.gain = slew(s.gain, p.force_gain if known else 0.0, p.gain_rate * dt)
+    enough = max(p.damping, least_damping(p, s.stiffness, s.gain))
     s.damping = slew(s.damping, enough, p.damping_rate * dt)
     s.weight = min(1.0, s.weight + dt / p.fade_time)
 
@@ -157,28 +154,38 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
         # While a slot guides the hand the set point follows it: leaving the slot causes no pull.
         _hold_at(p, s, x, y)
     else:
-        follow(_range(p, p.half_width), s.x.setpoint, inp.setpoint_x, inp.setpoint_vx, dt)
-        follow(_range(p, p.half_depth), s.y.setpoint, inp.setpoint_y, inp.setpoint_vy, dt)
+        wide, deep, fast = p.half_width, p.half_depth, (p.setpoint_speed, p.setpoint_acceleration)
+        follow(Range(-wide, wide, *fast), s.x.setpoint, inp.setpoint_x, inp.setpoint_vx, dt)
+        follow(Range(-deep, deep, *fast), s.y.setpoint, inp.setpoint_y, inp.setpoint_vy, dt)
     left = 1.0 - inp.slot_weight
-    asked_x = left * _spring(s, s.x.setpoint, x, vx) + inp.slot_x + carried_force(p, s.x, vx, dt)
-    asked_y = left * _spring(s, s.y.setpoint, y, vy) + inp.slot_y + carried_force(p, s.y, vy, dt)
+    asked_x = _asked(p, s, s.x, left, x, vx) + inp.slot_x
+    asked_y = _asked(p, s, s.y, left, y, vy) + inp.slot_y
     kept = _within(p.force_limit, asked_x, asked_y)
-    force_x = _bounded(p, asked_x * kept, x, vx, p.half_width)
-    force_y = _bounded(p, asked_y * kept, y, vy, p.half_depth)
+    fast_x, fast_y = _allowed(p, x, vx, p.half_width), _allowed(p, y, vy, p.half_depth)
+    force_x = _bounded(p, asked_x * kept, x, vx, p.half_width, fast_x)
+    force_y = _bounded(p, asked_y * kept, y, vy, p.half_depth, fast_y)
     again = s.weight * _within(p.force_limit, force_x, force_y)
     force_x, force_y = force_x * again, force_y * again
 
-    wanted_s = x_s * force_x + y_s * force_y
-    wanted_e = x_e * force_x + y_e * force_y
-    wanted_s += s.weight * joint_friction(p, s.shoulder, inp.shoulder)
-    wanted_e += s.weight * joint_friction(p, s.elbow, inp.elbow)
+    _feed_back(p, s, s.x, force_x, inp.force_x if known else -force_x, vx, dt)
+    _feed_back(p, s, s.y, force_y, inp.force_y if known else -force_y, vy, dt)
+    most = _within(p.feedback_limit, s.x.fed, s.y.fed)
+    s.x.fed, s.y.fed = s.x.fed * most, s.y.fed * most
+    whole_x = force_x + s.weight * _helping(p, s.x.fed, x, vx, p.half_width, fast_x)
+    whole_y = force_y + s.weight * _helping(p, s.y.fed, y, vy, p.half_depth, fast_y)
+
+    wanted_s = x_s * whole_x + y_s * whole_y
+    wanted_e = x_e * whole_x + y_e * whole_y
     allowed_s, allowed_e = _limited_torques(p, s.weight, inp, wanted_s, wanted_e)
-    at_hand = _kept_at_hand(p, (x_s, x_e, y_s, y_e), allowed_s, allowed_e)
-    _slew(s.shoulder, s.elbow, allowed_s * at_hand, allowed_e * at_hand, p.torque_rate * dt)
-    made_s, made_e = s.shoulder.torque, s.elbow.torque
+    largest = max(p.force_limit, math.hypot(whole_x, whole_y))
+    at_hand = _kept_at_hand(p, (x_s, x_e, y_s, y_e), allowed_s, allowed_e, largest)
+    _slew(s, allowed_s * at_hand, allowed_e * at_hand, p.torque_rate * dt)
     to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
-    limited = kept < 1.0 or again < s.weight or made_s != wanted_s or made_e != wanted_e
-    return PlanarOutput(made_s, made_e, force_x, force_y, x, y, vx, vy, to_x, to_y, limited)
+    limited = kept < 1.0 or again < s.weight or s.shoulder != wanted_s or s.elbow != wanted_e
+    share = min(s.x.guard.share, s.y.guard.share)
+    return PlanarOutput(
+        s.shoulder, s.elbow, force_x, force_y, x, y, vx, vy, to_x, to_y, limited, share
+    )
 
 
 def _usable(inp: PlanarInput, dt: float) -> bool:
@@ -189,29 +196,17 @@ def _usable(inp: PlanarInput, dt: float) -> bool:
 
 
 def _rest(
-    p: PlanarSettings, s: PlanarState, hand: tuple[float, float, float, float],
-    shoulder: float, elbow: float,
-) -> PlanarOutput:  # fmt: skip
-    """Return no torques; hand: x, y [m], vx, vy [m/s]; joints at their angles [rad]."""
-    x, y, vx, vy = hand
-    _place(p, s, x, y, shoulder, elbow)
-    s.stiffness, s.damping, s.weight = p.stiffness, p.damping, 0.0
-    s.shoulder.torque, s.elbow.torque = 0.0, 0.0
-    to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
-    return PlanarOutput(0.0, 0.0, 0.0, 0.0, x, y, vx, vy, to_x, to_y, False)
-
-
-def _place(
-    p: PlanarSettings, s: PlanarState, x: float, y: float, shoulder: float, elbow: float
-) -> None:
-    """Forget the motion: the handle is at x, y [m], the joints at their angles [rad]."""
+    p: PlanarSettings, s: PlanarState, x: float, y: float, vx: float, vy: float
+) -> PlanarOutput:
+    """Return no torques, and forget the motion; the handle is at x, y [m] and moves [m/s]."""
     _hold_at(p, s, x, y)
+    s.stiffness, s.damping, s.gain, s.weight = p.stiffness, p.damping, 0.0, 0.0
+    s.shoulder = s.elbow = 0.0
     for axis in (s.x, s.y):
-        clear(axis.speed)
-        axis.fastest = 0.0
-        forget_chatter(axis.chatter)
-    s.shoulder.angle, s.shoulder.friction = shoulder, 0.0
-    s.elbow.angle, s.elbow.friction = elbow, 0.0
+        forget(axis.guard)
+        axis.error = axis.fed = 0.0
+    to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
+    return PlanarOutput(0.0, 0.0, 0.0, 0.0, x, y, vx, vy, to_x, to_y, False, 1.0)
 
 
 def _hold_at(p: PlanarSettings, s: PlanarState, x: float, y: float) -> None:
@@ -220,43 +215,36 @@ def _hold_at(p: PlanarSettings, s: PlanarState, x: float, y: float) -> None:
     hold_at(s.y.setpoint, clamp(y, -p.half_depth, p.half_depth))
 
 
-def _tune(s: PlanarState, dt: float) -> None:
-    """Prepare all filters for a sample time dt [s]."""
-    s.dt = dt
-    for axis in (s.x, s.y):
-        tune(axis.speed, CARRIED_HZ, dt)
-        tune_highpass(axis.chatter.fast, CHATTER_HZ, dt)
+def _asked(
+    p: PlanarSettings, s: PlanarState, axis: Axis, left: float, position: float, velocity: float
+) -> float:
+    """Return the force of spring, damper and the guard's damper along one axis [N].
+
+    left: share of spring and damper that no slot replaces, 0 to 1.
+    """
+    to = axis.setpoint
+    pull = s.stiffness * (to.position - position) + s.damping * (to.velocity - velocity)
+    shown = axis.guard.chatter.share  # chatter is what no velocity shows: no damper meets it
+    return left * pull - damper_force(axis.guard.passivity, velocity, shown, p.chatter_damping)
 
 
-def _range(p: PlanarSettings, half: float) -> Range:
-    """Return the limits of the set point along one axis, within +-half [m]."""
-    return Range(-half, half, p.setpoint_speed, p.setpoint_acceleration)
+def _feed_back(
+    p: PlanarSettings, s: PlanarState, axis: Axis, desired: float, force: float, velocity: float,
+    dt: float,
+) -> None:  # fmt: skip
+    """Take guard and force feedback of an axis one step further (eqs 6.5 to 6.8).
 
-
-def _spring(s: PlanarState, to: SetPoint, position: float, velocity: float) -> float:
-    """Return the force of spring and damper along one axis [N]."""
-    return s.stiffness * (to.position - position) + s.damping * (to.velocity - velocity)
-
-
-def carried_force(p: PlanarSettings, axis: Axis, velocity: float, dt: float) -> float:
-    """Return the force that carries a mass along one axis [N]; velocity: of the handle [m/s]."""
-    acceleration = derivative(axis.speed, velocity)
-    axis.fastest = envelope(axis.fastest, axis.speed.y, dt)
-    force = min(1.0, axis.fastest / MOVING) * p.carried_mass * acceleration
-    share = chatter_step(axis.chatter, force, p.carried_limit, dt)
-    return share * clamp(force, -LARGEST, LARGEST)
-
-
-def joint_friction(p: PlanarSettings, joint: Joint, angle: float) -> float:
-    """Return the torque that compensates a joint's friction [Nm], positive along the motion."""
-    level, turned = p.joint_friction, angle - joint.angle
-    joint.angle = angle
-    if level < SMALLEST_FRICTION:
-        joint.friction = 0.0
+    desired: Fpd; force: of the patient, -Fpd where it is not known [N]; velocity [m/s].
+    """
+    error = desired + force
+    if s.gain > 0.0:
+        least = OBSERVED * p.chatter_limit
+        guard_step(axis.guard, force, error, velocity, least, p.chatter_limit, dt, RETURN)
     else:
-        reached = hysteresis(joint.friction, level, p.joint_friction_stiffness, turned)
-        joint.friction = clamp(reached, -level, level)
-    return joint.friction
+        forget(axis.guard)  # without a gain there is nothing to reduce
+    mean = 0.5 * (error + axis.error)
+    axis.fed = leaky_gain(axis.fed, mean, axis.guard.share, s.gain, p.force_cutoff, dt)
+    axis.error = error
 
 
 def _within(largest: float, x: float, y: float) -> float:
@@ -265,10 +253,30 @@ def _within(largest: float, x: float, y: float) -> float:
     return largest / size if size > largest else 1.0
 
 
-def _bounded(p: PlanarSettings, force: float, at: float, velocity: float, half: float) -> float:
-    """Return the force along one axis [N] after speed limit and edge of the workspace; at [m]."""
-    force = limit_speed(force, velocity, p.speed_limit, p.speed_band, p.speed_damping)
+def _allowed(p: PlanarSettings, at: float, velocity: float, half: float) -> float:
+    """Return the speed limit along one axis [m/s] at a place [m].
+
+    Towards an edge it falls with the way left d, to v^2 = 2 a d.
+    """
+    left = max(0.0, half - at if velocity > 0.0 else half + at)
+    return min(p.speed_limit, math.sqrt(2.0 * p.edge_braking * left))
+
+
+def _bounded(
+    p: PlanarSettings, force: float, at: float, velocity: float, half: float, allowed: float
+) -> float:
+    """Return the force along one axis [N] after speed limit, allowed [m/s], and edge; at [m]."""
+    force = limit_speed(force, velocity, allowed, p.speed_band, p.speed_damping)
     return soft_stop(force, at, -half, half, p.box_zone, p.box_stiffness)
+
+
+def _helping(
+    p: PlanarSettings, fed: float, at: float, velocity: float, half: float, allowed: float
+) -> float:
+    """Return the feedback along one axis [N] that does not help the hand too fast, or outward."""
+    if fed * velocity > 0.0:
+        fed *= min(1.0, max(0.0, 1.0 - (abs(velocity) - allowed) / p.speed_band))
+    return soft_stop(fed, at, -half, half, p.box_zone, 0.0)
 
 
 def _limited_torques(
@@ -289,15 +297,16 @@ def _limited_torques(
         factor = p.elbow_torque / abs(elbow)
     # Rounding may leave the product one floating-point step above the limit.
     return (
-        clamp(shoulder * factor, -p.shoulder_torque, p.shoulder_torque),
-        clamp(elbow * factor, -p.elbow_torque, p.elbow_torque),
+        min(max(shoulder * factor, -p.shoulder_torque), p.shoulder_torque),
+        min(max(elbow * factor, -p.elbow_torque), p.elbow_torque),
     )
 
 
 def _kept_at_hand(
-    p: PlanarSettings, at: tuple[float, float, float, float], shoulder: float, elbow: float
-) -> float:
-    """Return the factor that keeps torques [Nm] to the force limit at the hand.
+    p: PlanarSettings, at: tuple[float, float, float, float], shoulder: float, elbow: float,
+    largest: float,
+) -> float:  # fmt: skip
+    """Return the factor that keeps torques [Nm] to the largest force at the hand [N].
 
     The joints' limits act on torques. Near a stretched arm a small torque is a large force: 1 cm
     behind the far corners of the workspace, 8 and 16 Nm of a joint's stop are 160 N at the hand.
@@ -306,17 +315,17 @@ def _kept_at_hand(
     x_s, x_e, y_s, y_e = at
     size = math.hypot(y_e * shoulder - y_s * elbow, x_s * elbow - x_e * shoulder)
     singular = SINGULAR * p.arm.upper_arm * p.arm.forearm
-    allowed = p.force_limit * max(abs(x_s * y_e - x_e * y_s), singular)
+    allowed = largest * max(abs(x_s * y_e - x_e * y_s), singular)
     return allowed / size if size > allowed else 1.0
 
 
-def _slew(shoulder: Joint, elbow: Joint, to_s: float, to_e: float, step: float) -> None:
+def _slew(s: PlanarState, to_s: float, to_e: float, step: float) -> None:
     """Take both torques one step towards these [Nm], each by at most `step` [Nm].
 
     They move on a straight line: each at its own rate, they would leave the ellipse of torques that
     press with the force limit on the hand, on the way between two points of it.
     """
-    way_s, way_e = abs(to_s - shoulder.torque), abs(to_e - elbow.torque)
+    way_s, way_e = abs(to_s - s.shoulder), abs(to_e - s.elbow)
     part = step / max(way_s, way_e, step)
-    shoulder.torque = slew(shoulder.torque, to_s, part * way_s)
-    elbow.torque = slew(elbow.torque, to_e, part * way_e)
+    s.shoulder = slew(s.shoulder, to_s, part * way_s)
+    s.elbow = slew(s.elbow, to_e, part * way_e)

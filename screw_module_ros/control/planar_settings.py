@@ -9,11 +9,11 @@ from typing import Annotated, NamedTuple
 from ..geometry import MANUS, PlanarArm
 from ..settings import Setting, validated
 
-CARRIED_HZ = 6.0
-"""Corner of the filter of the acceleration with which mass is carried [Hz]: above it the hand feels
-the whole mass again."""
 DELAY = 0.008
 """From a position to its torque, with the velocity filter of 30 Hz and 1.5 periods [s]."""
+DAMPING_RATIO = 0.25
+"""Least damping ratio of a released handle under force feedback."""
+
 
 class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
@@ -34,7 +34,7 @@ class PlanarSettings(NamedTuple):
         float, Setting("largest torque of the shoulder", "Nm", 0.0, 100.0)
     ] = 20.0
     elbow_torque: Annotated[float, Setting("largest torque of the elbow", "Nm", 0.0, 100.0)] = 25.0
-    torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 300.0
+    torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 500.0
     fade_time: Annotated[
         float, Setting("time in which the force fades in after enabling", "s", 0.05, 10.0)
     ] = 0.5
@@ -44,28 +44,28 @@ class PlanarSettings(NamedTuple):
     damping_rate: Annotated[
         float, Setting("rate at which the damping follows its setting", "N/m", 1.0, 1e3)
     ] = 50.0
-    joint_friction: Annotated[
+    force_gain: Annotated[
         float,
-        Setting("friction of each joint that is fed forward, 0 = none; less than the joint's own",
-                "Nm", 0.0, 1.0, live=True),
-    ] = 0.0
-    joint_friction_stiffness: Annotated[
+        Setting("gain k of the force feedback; it leaves a mass / (1 + k)", "", 0.0, 30.0,
+                live=True),
+    ] = 9.0
+    force_cutoff: Annotated[
+        float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
+    ] = 7.0
+    feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 45.0
+    gain_rate: Annotated[
+        float, Setting("rate at which the force gain follows its setting", "1/s", 0.1, 100.0)
+    ] = 20.0
+    chatter_limit: Annotated[
         float,
-        Setting("spring of that friction at a reversal, softer than the joint's", "Nm/rad",
-                1.0, 1000.0),
-    ] = 100.0
-    carried_mass: Annotated[
-        float,
-        Setting("part of the module's mass that is carried for the hand, 0 = none", "kg",
-                0.0, 3.0, live=True),
-    ] = 0.0
-    module_mass: Annotated[
-        float, Setting("vertical module at the handle", "kg", 3.5, 20.0)
-    ] = 5.5
-    carried_limit: Annotated[
-        float,
-        Setting("rms of rapid force beyond which the carried mass is taken away", "N", 0.2, 50.0),
-    ] = 0.5
+        Setting("rms of rapid handle force beyond which the force gain goes down", "N", 0.2, 50.0),
+    ] = 0.8
+    chatter_damping: Annotated[
+        float, Setting("largest damper of the guard of the force gain", "Ns/m", 0.0, 200.0)
+    ] = 120.0
+    mass: Annotated[
+        float, Setting("moved with the handle, of module and arm", "kg", 0.5, 30.0)
+    ] = 6.5
     half_width: Annotated[float, Setting("half of the workspace in x", "m", 0.02, 0.5)] = 0.1905
     half_depth: Annotated[float, Setting("half of the workspace in y", "m", 0.02, 0.5)] = 0.2286
     box_zone: Annotated[
@@ -98,7 +98,12 @@ class PlanarSettings(NamedTuple):
     ] = 0.3
     speed_damping: Annotated[
         float, Setting("damper on the speed above the limit", "Ns/m", 0.0, 200.0)
-    ] = 20.0
+    ] = 100.0
+    edge_braking: Annotated[
+        float,
+        Setting("deceleration with which a hand must still come to rest at an edge: the speed "
+                "limit falls with the way left", "m/s^2", 0.5, 1000.0),
+    ] = 3.0
     setpoint_speed: Annotated[
         float, Setting("fastest motion of the set point along an axis", "m/s", 0.01, 3.0)
     ] = 0.6
@@ -135,17 +140,15 @@ class PlanarSettings(NamedTuple):
         return self
 
 
-def least_damping(p: PlanarSettings, stiffness: float) -> float:
-    """Return the damper with which a released handle comes to rest [Ns/m], 0 without carried mass.
+def least_damping(p: PlanarSettings, stiffness: float, gain: float) -> float:
+    """Return the damper with which a released handle comes to rest [Ns/m]; 0 without force gain.
 
-    The lag of the acceleration's filter is a negative damper, m w^2 / wc for an oscillation w. A
-    handle on its spring alone oscillates at w^2 = K / (M - m), M the mass of module and arm, m < M
-    the carried one. So the lag takes m K / ((M - m) wc); the delay of spring and force takes
-    K M / (M - m) times the delay. stiffness: K, the one in use [N/m].
+    As `vertical_settings.least_damping`: a gain k leaves M / (1 + k) and little of the friction.
+    Its lag and the delay of spring and force act as a negative damper; `DAMPING_RATIO` remains.
+
+    stiffness: the one in use [N/m]; gain: k in use.
     """
-    carried = p.carried_mass
-    if carried <= 0.0:
-        return 0.0
-    left = p.module_mass - carried
-    lag = carried / (left * 2.0 * math.pi * CARRIED_HZ)
-    return stiffness * (lag + p.module_mass / left * DELAY)
+    left = 1.0 / (1.0 + gain)
+    lag = 1.0 / (2.0 * math.pi * p.force_cutoff) + DELAY
+    swings = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * p.mass * left)
+    return (1.0 - left) * (stiffness * lag + swings)

@@ -61,10 +61,10 @@ def follow(
     """
     moved, rate, owed = setpoint.position, 0.0, 0.0
     if math.isfinite(position):
-        target = clamp(position, allowed.low, allowed.high)
+        target = min(max(position, allowed.low), allowed.high)
         moved = slew(moved, target, allowed.speed * dt)
         if math.isfinite(velocity):
-            promised = clamp(velocity, -allowed.speed, allowed.speed)
+            promised = min(max(velocity, -allowed.speed), allowed.speed)
             owed = _owed(setpoint.owed, promised, moved - setpoint.position, dt)
             rate = promised * _velocity_share(promised, owed)
     setpoint.position, setpoint.owed = moved, owed

@@ -22,13 +22,12 @@ All memory is one record that a step changes in place. `vertical_step` is one ti
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ..filters import Lowpass, clear, derivative, envelope, smoothed, tune
 from .friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
-from .guard import Guard, damper_force, forget, guard_step, tune_guard
+from .guard import OBSERVED, Guard, damper_force, forget, guard_step, leaky_gain, tune_guard
 from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
 from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
 from .observer import Observer, observe, remember, settle
@@ -41,8 +40,6 @@ STOPPED = 0.2  # [s] time constant with which a nut that moved counts as one tha
 DRIVING = 0.05  # [m/s] largest recent speed from which nothing bounds what helps the hand
 NOTHING_HOLDS = 200.0  # [N] more than all parts together
 LOADED = 0.2  # of the force on the hand: more friction of a screw under load, at most
-LEAST_SHARE = 1e-3  # of the observer's gain: its filter stays finite
-OBSERVED = 0.5  # of `chatter_limit`: how much less OBSERVER needs for its oscillation to count
 
 
 class VerticalInput(NamedTuple):
@@ -293,18 +290,11 @@ def _fed_back(
 
     Fpd + Fp is due to friction and inertia; a gain divides it by 1 + gain. It has no integral, so a
     limit downstream causes no windup. remainder: Fp filtered; error: OBSERVER filters the sum [N].
-
-    OBSERVER's gain k behind a low pass at w is the leaky integral k w / (s + w). To an oscillation
-    it shows the resistance -M k w W^2 / ((w + k w)^2 + W^2) at a frequency W. The guard's share
-    makes it leak faster and leaves k w: the gain falls at all frequencies, and so does that
-    negative resistance. Less of k alone would raise it first.
     """
     most = p.feedback_limit
     by_gain = clamp(s.guard.share * s.gain * remainder, -most, most)
-    share = max(s.guard.share, LEAST_SHARE)
-    kept = math.exp(-2.0 * math.pi * p.observer_cutoff / share * dt)
-    mean = 0.5 * (error + s.error.x)  # over the sample, as a bilinear low pass
-    s.fed = kept * s.fed + (1.0 - kept) * share * p.observer_gain * mean
+    mean = 0.5 * (error + s.error.x)
+    s.fed = leaky_gain(s.fed, mean, s.guard.share, p.observer_gain, p.observer_cutoff, dt)
     smoothed(s.error, error)
     return s.feedback * by_gain + s.observing * clamp(s.fed, -most, most)
 

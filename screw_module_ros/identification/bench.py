@@ -114,7 +114,7 @@ class InProcessBench:
         if isinstance(trial, AnalyzerTrial):
             return analyzer_samples(self.world, trial)
         if isinstance(trial, PlanarTrial):
-            return plane_samples(self.world, trial, on_progress)
+            return plane_samples(self.world, trial, self.seed, on_progress)
         hand, motion = _hand_in(trial)
         params = self._params(motion)
         state = self._start(trial, params)

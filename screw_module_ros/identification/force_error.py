@@ -32,7 +32,7 @@ from .figures import error_map
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Quantity, Result
-from .trials import Arm, MotionTrial, PlanarTrial, Samples
+from .trials import Arm, MotionTrial, Samples
 
 NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
@@ -187,7 +187,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     return {name: np.array(value) for name, value in found._asdict().items()}
 
 
-def counted_from(trial: MotionTrial | PlanarTrial) -> float:
+def counted_from(trial: MotionTrial) -> float:
     """Return the time from which samples count [s]: a resting hand must first arrive."""
     if math.isfinite(trial.released_after):
         return trial.released_after + 3.0

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force error in the plane, with and without compensation of friction and mass (2.2.4, appendix D).
+"""Force error in the plane, with and without force feedback (2.2.4, appendix D).
 
 The error is what the hand feels beyond the spring and damper asked for, its true force less
-K x + B v of the true handle, over all samples as in `force_error`: in slow and fast motion along x,
-y and between, holding still, letting go, with an arm of 30 kg, a tremor, and on walls.
+K x + B v of the true handle, over all samples as in `force_error`: in slow, fast and small motion,
+reaching, holding still, letting go, with an arm of 30 kg, a tremor, and on walls. The command
+`study` has the same trials on rigs drawn by seed (`planar_study`).
 """
 
 from __future__ import annotations
@@ -15,89 +16,105 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..control.planar_settings import PlanarSettings
+from ..plant.patient import HandPath
 from ..settings import Setting
 from .figures import error_map
-from .force_error import counted_from, wall
+from .force_error import wall
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
 NAME = "planar_error"
-KINDS = ("none", "friction", "mass", "both")
-_HAND = Arm()
+KINDS = ("none", "feedback")
 _HEAVY = Arm(30.0, 300.0, 30.0)
 _WALL_MASS = 6.5  # module and arm, for the damping ratio of a wall [kg]
+_ALONG_Y = 0.5 * math.pi
 _BETWEEN = 0.25 * math.pi
 
 
 class Case(NamedTuple):
-    """One trial of the list. text; trial: with the settings to be filled in."""
+    """One trial of the list. text; trial: with the settings to be filled in; figures: their names
+    in the command `study`."""
 
     text: str
     trial: PlanarTrial
+    figures: str = "rms share"
 
 
-def _moving(text: str, amplitude: float, omega: float, seconds: float, **more: Any) -> Case:
-    trial = PlanarTrial(
-        PlanarSettings(), amplitude=amplitude, omega=omega, duration=seconds, **more
-    )
-    return Case(text, trial)
+def _sine(amplitude: float, omega: float, tremor: float = 0.0) -> HandPath:
+    return HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, tremor)
 
 
-def _resting(text: str, arm: Arm, **more: Any) -> Case:
-    trial = PlanarTrial(PlanarSettings(), arm=arm, way=0.05, duration=8.0, **more)
-    return Case(text, trial)
+def hand_to(way: float, seconds: float = 1.0, start: float = 0.0, begin: float = 0.0) -> HandPath:
+    """Return a minimum-jerk path, from `start` by `way` [m] in so many seconds from `begin` on."""
+    return HandPath(start, start + way, begin, seconds, 0.0, 0.0, 0.0)
+
+
+def _case(
+    text: str, path: HandPath, seconds: float, first: float = 0.0, figures: str = "rms share",
+    stiffness: float = 100.0, **more: Any,
+) -> Case:  # fmt: skip
+    law = PlanarSettings(stiffness=stiffness)
+    more = {"direction": _BETWEEN, **more}
+    return Case(text, PlanarTrial(law, path=path, duration=seconds, first=first, **more), figures)
+
+
+def _walls() -> dict[str, Case]:
+    found = {}
+    for power in (3, 4, 5, 6):
+        for word, ratio in (("well", 0.7), ("badly", 0.02)):
+            arm = wall(10.0**power, ratio, _WALL_MASS)
+            name, text = f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped"
+            found[name] = _case(text, hand_to(0.05), 5.0, 1.0, "shaking peak", arm=arm)
+            moved = _sine(0.003, 3.0)
+            found[f"{name}_moved"] = _case(f"{text}, moved by 3 mm", moved, 5.0, 0.0,
+                                           "shaking peak", arm=arm)  # fmt: skip
+    return found
 
 
 CASES = {
-    "slow_x": _moving("0.10 m at 0.8 rad/s along x", 0.10, 0.8, 7.9),
-    "slow_y": _moving("0.10 m at 0.8 rad/s along y", 0.10, 0.8, 7.9, direction=2.0 * _BETWEEN),
-    "fast_x": _moving("0.08 m at 3 rad/s along x", 0.08, 3.0, 6.3),
-    "fast_y": _moving("0.08 m at 3 rad/s along y", 0.08, 3.0, 6.3, direction=2.0 * _BETWEEN),
-    "fast_between": _moving("0.08 m at 3 rad/s between x and y", 0.08, 3.0, 6.3,
-            direction=_BETWEEN),
-    "small": _moving("0.02 m at 1.5 rad/s between x and y", 0.02, 1.5, 8.4, direction=_BETWEEN),
-    "tremor": _moving("0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
-    "heavy": _moving("an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
-    "holding": _resting("a hand that holds still 0.05 m off", _HAND, direction=_BETWEEN),
-    "released": _resting("a hand that holds, and lets go", _HAND, released_after=3.0,
-             direction=_BETWEEN),
-    **{
-        f"wall_1e{power}_{word}": _resting(f"a wall of 1e{power} N/m, {word} damped",
-                                           wall(10.0**power, ratio, _WALL_MASS))
-        for power in (3, 4, 5, 6)
-        for word, ratio in (("well", 0.7), ("badly", 0.02))
-    },
+    "slow_x": _case("0.10 m at 0.8 rad/s along x", _sine(0.10, 0.8), 7.9, direction=0.0),
+    "slow_y": _case("0.10 m at 0.8 rad/s along y", _sine(0.10, 0.8), 7.9, direction=_ALONG_Y),
+    "fast_x": _case("0.08 m at 3 rad/s along x", _sine(0.08, 3.0), 6.3, direction=0.0),
+    "fast_y": _case("0.08 m at 3 rad/s along y", _sine(0.08, 3.0), 6.3, direction=_ALONG_Y),
+    "fast_between": _case("0.08 m at 3 rad/s between x and y", _sine(0.08, 3.0), 6.3),
+    "small": _case("0.02 m at 1.5 rad/s between x and y", _sine(0.02, 1.5), 8.4),
+    "reach": _case("0.25 m in 0.6 s", hand_to(0.25, 0.6, -0.125, 0.2), 1.8),
+    "quick_reach": _case("1 m/s, 10 m/s^2", hand_to(0.164, 0.308, -0.082, 0.2), 1.5),
+    "tremor": _case("0.05 m at 0.8 rad/s with 8 mm of tremor", _sine(0.05, 0.8, 0.008), 7.9),
+    "heavy": _case("an arm of 30 kg, 0.05 m at 0.8 rad/s", _sine(0.05, 0.8), 7.9, arm=_HEAVY),
+    "heavy_holding": _case("an arm of 30 kg that holds still", hand_to(0.05), 6.0, 1.0, "shaking",
+                           arm=_HEAVY),
+    "holding": _case("a hand that holds still 0.05 m off", hand_to(0.05), 6.0, 3.0,
+                     "rms travel shaking"),
+    "holding_stiff": _case("a hand on a spring of 2000 N/m", hand_to(0.01), 6.0, 2.0, "shaking",
+                           2000.0),
+    "released": _case("a hand that holds, and lets go", hand_to(0.05), 9.0, 5.0, "travel",
+                      released_after=3.0),
+    "released_stiff": _case("a hand that lets go of 1000 N/m", hand_to(0.03), 8.0, 5.0, "travel",
+                            1000.0, released_after=2.0),
+    **_walls(),
 }  # fmt: skip
 
 
 class Settings(NamedTuple):
-    """What is compensated, and in which trials."""
+    """With and without feedback, and in which trials."""
 
-    kinds: Annotated[
-        tuple[str, ...], Setting("what is compensated", choices=KINDS)
-    ] = KINDS
+    kinds: Annotated[tuple[str, ...], Setting("force feedback", choices=KINDS)] = KINDS
     cases: Annotated[
         tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
     ] = tuple(CASES)
-    joint_friction: Annotated[
-        float, Setting("friction of each joint that is fed forward", "Nm", 0.0, 1.0)
-    ] = 0.24
-    carried_mass: Annotated[
-        float, Setting("part of the module's mass that is carried", "kg", 0.0, 3.0)
-    ] = 3.0
-    stiffness: Annotated[float, Setting("of the spring", "N/m", 0.0, 2000.0)] = 100.0
     damping: Annotated[float, Setting("of the damper", "Ns/m", 0.0, 200.0)] = 10.0
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure every case with every compensation.
+    """Measure every case with and without feedback.
 
     Raises NotPossible on a real robot, Cancelled.
     """
     trials = {
-        (kind, case): CASES[case].trial._replace(settings=law_of(settings, kind))
+        (kind, case): trial_of(case, law_of(settings, kind))
         for kind in settings.kinds
         for case in settings.cases
     }
@@ -106,12 +123,12 @@ def run(lab: Lab, settings: Settings) -> Result:
     found = {key: error_of(parts["_".join(key)]) for key in trials}
     quantities = [
         Quantity(f"rms_{kind}_{name}", error.rms, math.nan, "N",
-                 f"rms error, compensated: {kind}, {CASES[name].text}")
+                 f"rms error, feedback: {kind}, {CASES[name].text}")
         for (kind, name), error in found.items()
     ]  # fmt: skip
-    if {("none", "fast_x"), ("both", "fast_x")} <= set(found):
-        ratio = found["none", "fast_x"].rms / found["both", "fast_x"].rms
-        text = "rms error in fast motion along x, not compensated over compensated"
+    if {(kind, "fast_x") for kind in KINDS} <= set(found):
+        ratio = found["none", "fast_x"].rms / found["feedback", "fast_x"].rms
+        text = "rms error in fast motion along x, without over with feedback"
         quantities.append(Quantity("gain_fast_x", ratio, math.nan, "", text))
     data = {"_".join(key): np.array(error) for key, error in found.items()}
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
@@ -127,13 +144,15 @@ _NOTES = (
 
 
 def law_of(settings: Settings, kind: str) -> PlanarSettings:
-    """Return the planar law's numbers with a compensation of `KINDS`."""
-    return PlanarSettings(
-        stiffness=settings.stiffness,
-        damping=settings.damping,
-        joint_friction=settings.joint_friction if kind in ("friction", "both") else 0.0,
-        carried_mass=settings.carried_mass if kind in ("mass", "both") else 0.0,
-    )
+    """Return the planar law's numbers, with or without feedback (`KINDS`)."""
+    law = PlanarSettings(damping=settings.damping)
+    return law if kind == "feedback" else law._replace(force_gain=0.0)
+
+
+def trial_of(case: str, law: PlanarSettings) -> PlanarTrial:
+    """Return one of `CASES` with a law, whose spring is that of the case."""
+    trial = CASES[case].trial
+    return trial._replace(settings=law._replace(stiffness=trial.settings.stiffness))
 
 
 def error_of(part: Part) -> ErrorOf:
@@ -155,22 +174,22 @@ def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     return {
         axis: np.array([*judged(
             period, position[:, column], velocity[:, column], force[:, column], samples.share,
-            law.stiffness, law.damping, round(counted_from(trial) / period),
+            law.stiffness, law.damping, round(trial.first / period),
         )])
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip
 
 
 def draw(result: Result) -> dict[str, Figure]:
-    """Draw the rms error of every trial with every compensation as a map."""
+    """Draw the rms error of every trial with and without feedback as a map."""
     kinds, cases = list(result.settings["kinds"]), list(result.settings["cases"])
     rms = [[result.value(f"rms_{kind}_{case}") for case in cases] for kind in kinds]
-    labels = [f"compensated: {kind}" for kind in kinds]
+    labels = [f"feedback: {kind}" for kind in kinds]
     title = "Force in the plane beyond the impedance asked for, all samples"
     return {"planar error": error_map(np.array(rms), labels, cases, title)}
 
 
 EXPERIMENT = Experiment(
-    NAME, "force error in the plane, with and without compensation of friction and mass (2.2.4)",
+    NAME, "force error in the plane, with and without force feedback (2.2.4)",
     Settings, run, draw, HUMAN_ARM,
 )  # fmt: skip

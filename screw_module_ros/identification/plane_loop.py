@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plane as one sampled loop in one function: what the in-process bench compiles.
 
-One tick is one sample: both joints' counts in, the planar law, and the plant's substeps, in which
-the torques of the tick before act until the delay is over. Law and plant are the functions that the
-node `manus` and the simulated rig run; buses, gate and guide are left out.
+One tick is one sample: both joints' counts and the newest force sample in, the planar law, and the
+plant's substeps, in which the torques of the tick before act until the delay is over. Law and plant
+are the functions that the node `manus` and the simulated rig run; buses, gate and guide are left
+out.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import compiled, packed
-from ..control.guard import share_left
 from ..control.planar import PlanarInput, initial_state
 from ..control.planar import planar_step as law_step
 from ..control.planar_settings import PlanarSettings
@@ -25,7 +25,7 @@ from ..filters import (
     velocity_settled,
     velocity_step,
 )
-from ..plant.patient import HandPath, HumanArm, arm_force, hand_point
+from ..plant.patient import ArmForce, HandPath, HumanArm, arm_force, hand_point, resting
 from ..plant.planar import (
     ManusInput,
     ManusState,
@@ -35,35 +35,63 @@ from ..plant.planar import (
     resting_plane,
     tip,
 )
+from ..plant.sensor import normal_pair, seeded
 from ..plant.settings import WorldSettings
-from .trials import WAY_S, OnProgress, PlanarTrial, Samples
+from .trials import OnProgress, PlanarTrial, Samples
 
-RATE = 500.0  # of the node `manus` [1/s]
-DELAY = 0.0007  # from a sample to its torque [s]
-RADIAN = 9.587e-5  # of a count of the joints' encoders
-CUTOFF = 30.0  # of the velocity filter [Hz]
-COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the carried mass
+FORCE_COUNTS = 144.0  # of the transducer (3.1.9) [1/N]
+COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the force gain
 _SETTLE_S = 1.5
 
 
 class PlaneParams(NamedTuple):
-    """What stays the same: plant, law, the hand's paths, filter of the velocities; period [s];
-    steps: substeps in it; late: those before a torque acts; attached: a hand holds the handle."""
+    """What stays the same: plant, law, its set point [m], the hand's paths, filter of the
+    velocities; period [s]; radian: of a count; noise: of a force sample [N]; steps: substeps in a
+    period; late: those before a torque acts; felt_at: that at which a force sample is taken; arm:
+    behind a soft grip, which `plant.arm` then is; attached, soft: a hand holds the handle, with a
+    soft grip."""
 
     plant: PlanarParams
     law: PlanarSettings
+    centre_x: float
+    centre_y: float
     path_x: HandPath
     path_y: HandPath
     smooth: LowpassCoefficients
     period: float
+    radian: float
+    noise: float
     steps: int
     late: int
+    felt_at: int
+    arm: ArmForce
     attached: bool
+    soft: bool
+
+
+class Palm(NamedTuple):
+    """The arm behind a soft grip: x, y [m], vx, vy [m/s]."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+
+
+class Felt(NamedTuple):
+    """Newest force sample, x and y [N]; state of the noise."""
+
+    x: float
+    y: float
+    first: int
+    second: int
 
 
 class PlaneState(NamedTuple):
-    """ticks: since the trial began; the arm; the law's `PlanarState` from `compiled.packed`, which
-    a tick changes in place; filters of both velocities; torques in force [Nm]."""
+    """ticks: since the trial began; the plane; the law's `PlanarState` from `compiled.packed`,
+    which a tick changes in place; filters of both velocities; torques in force [Nm]; arm behind the
+    grip; force sample; forces: samples under way, one for each period of age, first the one that
+    the law sees, shape (n, 2) [N]."""
 
     ticks: int
     arm: ManusState
@@ -72,6 +100,9 @@ class PlaneState(NamedTuple):
     elbow: VelocityState
     shoulder_torque: float
     elbow_torque: float
+    palm: Palm
+    felt: Felt
+    forces: np.ndarray
 
 
 def run_plane(packed_params: Any, state: PlaneState, columns: np.ndarray) -> PlaneState:
@@ -87,69 +118,115 @@ def run_plane(packed_params: Any, state: PlaneState, columns: np.ndarray) -> Pla
 
 def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
     """Take a sample, answer it, let one period pass."""
-    robot = p.plant.robot
-    shoulder, elbow = counted(s.arm.shoulder), counted(s.arm.elbow)
+    shoulder, elbow = counted(s.arm.shoulder, p.radian), counted(s.arm.elbow, p.radian)
     shoulder_speed, first = velocity_step(p.smooth, s.shoulder, shoulder, p.period)
     elbow_speed, second = velocity_step(p.smooth, s.elbow, elbow, p.period)
+    forces = np.empty_like(s.forces)
+    forces[:-1] = s.forces[1:]
+    forces[-1, 0], forces[-1, 1] = s.felt.x, s.felt.y
     inp = PlanarInput(
-        shoulder, elbow, shoulder_speed, elbow_speed, 0.0, 0.0, 0.0, 0.0, True, 0.0, 0.0, 0.0
-    )
+        shoulder, elbow, shoulder_speed, elbow_speed, p.centre_x, p.centre_y, 0.0, 0.0, True,
+        0.0, 0.0, 0.0, forces[0, 0], forces[0, 1],
+    )  # fmt: skip
     output = law_step(p.law, s.law[0], inp, p.period)
-    x, y = tip(robot, s.arm.shoulder, s.arm.elbow)
-    w1, w2 = s.arm.shoulder_velocity, s.arm.elbow_velocity
-    row[0], row[1] = x, y
-    row[2] = -robot.upper_arm * math.sin(s.arm.shoulder) * w1
-    row[2] -= robot.forearm * math.sin(s.arm.elbow) * w2
-    row[3] = robot.upper_arm * math.cos(s.arm.shoulder) * w1
-    row[3] += robot.forearm * math.cos(s.arm.elbow) * w2
-    row[4], row[5] = s.arm.force_x, s.arm.force_y
-    row[6] = min(share_left(s.law[0].x.chatter), share_left(s.law[0].y.chatter))
-    arm = s.arm
+    row[0], row[1], row[2], row[3] = tip_motion(p.plant, s.arm)
+    row[4], row[5], row[6] = s.arm.force_x, s.arm.force_y, output.share
+    arm, palm, felt = s.arm, s.palm, s.felt
     time = s.ticks * p.period
     hand_x, speed_x = hand_point(p.path_x, time)
     hand_y, speed_y = hand_point(p.path_y, time)
     for step in range(p.steps):
+        if step == p.felt_at:
+            felt = sampled(p, felt, arm)
         now = step >= p.late
-        arm = planar_step(
-            p.plant, arm,
-            ManusInput(
-                output.shoulder_torque if now else s.shoulder_torque,
-                output.elbow_torque if now else s.elbow_torque,
-                True, True, False, False, p.attached, hand_x, hand_y, speed_x, speed_y,
-            ),
-        )  # fmt: skip
+        torque_1 = output.shoulder_torque if now else s.shoulder_torque
+        torque_2 = output.elbow_torque if now else s.elbow_torque
+        if p.soft:
+            inputs = ManusInput(
+                torque_1, torque_2, True, True, False, False, p.attached, palm.x, palm.y, palm.vx,
+                palm.vy,
+            )  # fmt: skip
+            palm = palm_step(p, palm, arm, hand_x, hand_y, speed_x, speed_y)
+        else:
+            inputs = ManusInput(
+                torque_1, torque_2, True, True, False, False, p.attached, hand_x, hand_y, speed_x,
+                speed_y,
+            )  # fmt: skip
+        arm = planar_step(p.plant, arm, inputs)
         hand_x += speed_x * p.plant.dt
         hand_y += speed_y * p.plant.dt
     return PlaneState(
-        s.ticks + 1, arm, s.law, first, second, output.shoulder_torque, output.elbow_torque
-    )
+        s.ticks + 1, arm, s.law, first, second, output.shoulder_torque,
+        output.elbow_torque, palm, felt, forces,
+    )  # fmt: skip
 
 
-def counted(angle: float) -> float:
-    """Return a joint angle [rad] as its encoder shows it."""
-    return math.floor(angle / RADIAN) * RADIAN
+def counted(angle: float, radian: float) -> float:
+    """Return a joint angle [rad] as its encoder shows it; radian: of a count."""
+    return math.floor(angle / radian) * radian
+
+
+def tip_motion(p: PlanarParams, arm: ManusState) -> tuple[float, float, float, float]:
+    """Return x, y [m], vx, vy [m/s] of the handle."""
+    x, y = tip(p.robot, arm.shoulder, arm.elbow)
+    along_1 = p.robot.upper_arm * arm.shoulder_velocity
+    along_2 = p.robot.forearm * arm.elbow_velocity
+    vx = -along_1 * math.sin(arm.shoulder) - along_2 * math.sin(arm.elbow)
+    vy = along_1 * math.cos(arm.shoulder) + along_2 * math.cos(arm.elbow)
+    return x, y, vx, vy
+
+
+def sampled(p: PlaneParams, s: Felt, arm: ManusState) -> Felt:
+    """Return a new force sample, with noise and counts."""
+    n1, n2, first, second = normal_pair(s.first, s.second)
+    x = round((arm.force_x + p.noise * n1) * FORCE_COUNTS) / FORCE_COUNTS
+    y = round((arm.force_y + p.noise * n2) * FORCE_COUNTS) / FORCE_COUNTS
+    return Felt(x, y, first, second)
+
+
+def palm_step(
+    p: PlaneParams, s: Palm, arm: ManusState, hand_x: float, hand_y: float, speed_x: float,
+    speed_y: float,
+) -> Palm:  # fmt: skip
+    """Return the arm behind a soft grip after a substep; hand, speed: of the virtual hand."""
+    x, y, vx, vy = tip_motion(p.plant, arm)
+    grip, own, dt = p.plant.arm, p.arm, p.plant.dt
+    push_x = own.stiffness * (hand_x - s.x) + own.damping * (speed_x - s.vx)
+    push_y = own.stiffness * (hand_y - s.y) + own.damping * (speed_y - s.vy)
+    if p.attached:
+        push_x -= grip.stiffness * (s.x - x) + grip.damping * (s.vx - vx)
+        push_y -= grip.stiffness * (s.y - y) + grip.damping * (s.vy - vy)
+    to_vx, to_vy = s.vx + push_x / own.mass * dt, s.vy + push_y / own.mass * dt
+    return Palm(s.x + to_vx * dt, s.y + to_vy * dt, to_vx, to_vy)
 
 
 def plane_samples(
-    world: WorldSettings, trial: PlanarTrial, on_progress: OnProgress
+    world: WorldSettings, trial: PlanarTrial, seed: int, on_progress: OnProgress
 ) -> Samples:
-    """Let the hand move in the plane; arrays of shape (n, 2), x and y. Raises as `on_progress`."""
+    """Let the hand move in the plane; arrays of shape (n, 2), x and y from the trial's centre.
+
+    seed: of the noise. Raises as `on_progress`, and ValueError for a centre out of reach.
+    """
     on_progress(0.0)
     params = _params(world, trial)
-    arm = resting_plane(world.planar, 0.0, 0.0)
+    x, y = trial.centre
+    arm = resting_plane(world.planar, x, y)
+    whole = (round(trial.loop.force_age / world.substep) - 1) // params.steps
     state = PlaneState(
-        0, arm, packed(initial_state(trial.settings)), velocity_settled(counted(arm.shoulder)),
-        velocity_settled(counted(arm.elbow)), 0.0, 0.0,
+        0, arm, packed(initial_state(trial.settings)),
+        velocity_settled(counted(arm.shoulder, params.radian)),
+        velocity_settled(counted(arm.elbow, params.radian)), 0.0, 0.0, Palm(x, y, 0.0, 0.0),
+        Felt(0.0, 0.0, *seeded(seed)), np.zeros((whole + 1, 2)),
     )  # fmt: skip
-    still = HandPath(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    _, state = _ticks(params._replace(path_x=still, path_y=still), state, _SETTLE_S)
+    _, state = _ticks(_along(params, trial, _before(trial.path)), state, _SETTLE_S)
     held = min(trial.duration, trial.released_after)
+    params = _along(params, trial, trial.path)
     rows, state = _ticks(params, state._replace(ticks=0), held)
     if held < trial.duration:
         loose, _ = _ticks(params._replace(attached=False), state, trial.duration - held)
         rows = np.concatenate((rows, loose))
     time = np.arange(len(rows)) * params.period
-    place, speed, force, share = rows[:, :2], rows[:, 2:4], rows[:, 4:6], rows[:, 6]
+    place, speed, force, share = rows[:, :2] - (x, y), rows[:, 2:4], rows[:, 4:6], rows[:, 6]
     nothing = np.zeros_like(place)
     return Samples(
         time, place, speed, force, nothing, nothing, nothing, place, speed, force, share
@@ -164,27 +241,44 @@ def _ticks(
 
 
 def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
-    steps = round(1.0 / RATE / world.substep)
-    arm = HumanArm("active", *trial.arm, 0.0)
-    east, north = math.cos(trial.direction), math.sin(trial.direction)
+    loop, dt = trial.loop, world.substep
+    steps = round(1.0 / loop.rate / dt)
+    arm = arm_force(HumanArm("active", *trial.arm, 0.0), world.vertical.gravity)
+    soft = trial.grip.stiffness > 0.0
+    still = resting(0.0)
     return PlaneParams(
-        plant=planar_params(
-            world.planar, arm_force(arm, world.vertical.gravity), world.substep
-        ),
-        law=trial.settings.validated(),
-        path_x=_path(trial, east),
-        path_y=_path(trial, north),
-        smooth=lowpass_coefficients(CUTOFF, 1.0 / RATE),
-        period=steps * world.substep,
+        planar_params(world.planar, trial.grip if soft else arm, dt),
+        trial.settings.validated(),
+        *trial.centre,
+        still,
+        still,
+        lowpass_coefficients(loop.cutoff, 1.0 / loop.rate),
+        period=steps * dt,
+        radian=world.start.joint_resolution,
+        noise=world.sensor.force_noise,
         steps=steps,
-        late=math.ceil(DELAY / world.substep * (1.0 - 1e-9)),
+        late=math.ceil(loop.delay / dt * (1.0 - 1e-9)),
+        felt_at=-round(loop.force_age / dt) % steps,
+        arm=arm,
         attached=True,
+        soft=soft,
     )
 
 
-def _path(trial: PlanarTrial, share: float) -> HandPath:
-    """Return the hand's path along one axis; share: of the direction of motion."""
-    return HandPath(
-        0.0, trial.way * share, 0.0, WAY_S if trial.way else 0.0, trial.amplitude * share,
-        trial.omega, trial.tremor * share,
-    )  # fmt: skip
+def _before(path: HandPath) -> HandPath:
+    """Return the path of a virtual hand that waits at the start of another, or goes there."""
+    if path.start == 0.0:
+        return resting(0.0)
+    return HandPath(0.0, path.start, 0.0, 0.5 * _SETTLE_S, 0.0, 0.0, 0.0)
+
+
+def _along(params: PlaneParams, trial: PlanarTrial, path: HandPath) -> PlaneParams:
+    """Return the parameters with a path of the hand in the trial's direction."""
+    ways = []
+    shares = math.cos(trial.direction), math.sin(trial.direction)
+    for centre, share in zip(trial.centre, shares, strict=True):
+        ways.append(path._replace(
+            start=centre + path.start * share, target=centre + path.target * share,
+            amplitude=path.amplitude * share, tremor=path.tremor * share,
+        ))  # fmt: skip
+    return params._replace(path_x=ways[0], path_y=ways[1])

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `study`: every mode on rigs drawn by seed, one table of medians and worst cases.
 
+With `--plane` it is the plane, without and with force feedback (`planar_study`).
+
 A law is judged on rigs that it was not tuned on. A rig is one of `load_world(seed)` whose mount
 (thesis appendix A), encoder, delay and transducer are drawn as well, wider than between two
 modules of one make. Family A has a rigid hand, family B a hand with a soft grip (`plant.patient`).
@@ -34,6 +36,9 @@ from .bench import InProcessBench, LoopSettings
 from .force_error import wall, with_damping
 from .force_metric import LAST, judged
 from .lab import worker_pool
+from .planar_study import CASES as PLANAR_CASES
+from .planar_study import WITH, WITHOUT
+from .planar_study import measured as planar_measured
 from .report import shown
 from .trials import Arm, HandTrial, MotionTrial
 
@@ -161,13 +166,16 @@ FIGURES = {
     "travel": "last second [mm]",
     "pressed": "pressed [N]",
     "sudden": f"in {_SUDDEN_S * 1e3:g} ms [N]",
+    "over": "over the edge [m/s]",
+    "blow": "hand's force [N]",
 }
 """Texts of the figures. Of the force error: rms, longest time with more than 1.5 N rms above 3 Hz,
 largest. Least share of the force gain; travel in the last second; mean force on the obstacle in the
-last second; largest change of the hand's force. The larger the worse, but for the share."""
+last second; largest change of the hand's force. Of the plane also the largest speed beyond the edge
+and the hand's largest force. The larger the worse, but for the share."""
 WANTED = {
     "rms": 1.5, "share": 1.0, "shaking": 0.3, "peak": math.inf, "travel": 1.0, "pressed": 40.0,
-    "sudden": 5.0,
+    "sudden": 5.0, "over": 0.0, "blow": 60.0,
 }  # fmt: skip
 
 
@@ -207,6 +215,24 @@ def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
     return {figure: figures[figure] for figure in case.figures}
 
 
+class Subject(NamedTuple):
+    """What is studied. kinds: number and head of each column; figures: of each case, by name."""
+
+    kinds: dict[int, str]
+    figures: dict[str, tuple[str, ...]]
+    measured: Callable[[str, int, int, str], dict[str, float]]
+
+
+VERTICAL = Subject(
+    {mode: f"mode {mode}" for mode in MODES},
+    {name: case.figures for name, case in CASES.items()},
+    measured,
+)
+PLANE = Subject(
+    {WITHOUT: "no feedback", WITH: "feedback"},
+    {name: tuple(case.figures.split()) for name, case in PLANAR_CASES.items()},
+    planar_measured,
+)
 Found = dict[str, dict[str, dict[int, list[float]]]]
 """By case, figure and mode: one value for each rig of a family, in the order of the seeds."""
 
@@ -218,26 +244,31 @@ Found = dict[str, dict[str, dict[int, list[float]]]]
     "--mode", "chosen", multiple=True, type=click.Choice([str(mode) for mode in MODES]),
     help="This mode alone (repeat for more).",
 )  # fmt: skip
+@click.option("--plane", is_flag=True, help="The plane in place of the vertical modes.")
 @click.option(
-    "--case", "cases", multiple=True, type=click.Choice(list(CASES)), help="This case alone."
+    "--case", "cases", multiple=True, type=click.Choice([*CASES, *PLANAR_CASES]),
+    help="This case alone.",
 )
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
               default=Path("study_output"), help="Folder of study.md and study.json.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 def command(
-    rigs: int, first_seed: int, chosen: tuple[str, ...], cases: tuple[str, ...], folder: Path,
-    workers: int | None,
+    rigs: int, first_seed: int, chosen: tuple[str, ...], plane: bool, cases: tuple[str, ...],
+    folder: Path, workers: int | None,
 ) -> None:  # fmt: skip
     """Measure every mode on rigs drawn by seed and write one table: median, worst."""
     console, begun = terminal(_NARROWEST), time.monotonic()
     seeds = range(first_seed, first_seed + rigs)
-    names, kinds = cases or tuple(CASES), tuple(map(int, chosen)) or MODES
+    subject = PLANE if plane else VERTICAL
+    names, kinds = cases or tuple(subject.figures), tuple(map(int, chosen)) or tuple(subject.kinds)
+    if not set(names) <= set(subject.figures) or not set(kinds) <= set(subject.kinds):
+        raise click.UsageError("--mode and the cases of the vertical axis go without --plane")
     wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with worker_pool(workers) as pool, Progress(console=console) as bars:
             bar = bars.add_task("trials", total=len(wanted))
-            futures = {pool.submit(measured, *each): each for each in wanted}
+            futures = {pool.submit(subject.measured, *each): each for each in wanted}
             values = {}
             try:
                 for future in as_completed(futures):
@@ -252,13 +283,15 @@ def command(
     except OSError as error:
         console.print(f"[bold red]study failed: {error}[/]", soft_wrap=True)
         sys.exit(1)
-    found = {family: _sorted(values, family, seeds, names, kinds) for family in FAMILIES}
+    figures = {name: subject.figures[name] for name in names}
+    found = {family: _sorted(values, family, seeds, figures, kinds) for family in FAMILIES}
     seconds = time.monotonic() - begun
     head = f"Rigs {seeds[0]} to {seeds[-1]} of each family: {len(wanted)} trials in {seconds:.0f} s"
-    text = [f"# Study\n\n{head}: `study --rigs {rigs} --first-seed {first_seed}`."]
+    called = f"study{' --plane' * plane} --rigs {rigs} --first-seed {first_seed}"
+    text = [f"# Study\n\n{head}: `{called}`."]
     for family, cases_of in found.items():
         title = f"Family {family}, {FAMILIES[family]}: median / worst"
-        rows = table_rows(cases_of, kinds)
+        rows = table_rows(cases_of, {kind: subject.kinds[kind] for kind in kinds})
         text.append(f"\n## {title}\n\n{_markdown(rows)}")
         console.print(shown(title, rows[0], rows[1:]))
     (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
@@ -268,7 +301,7 @@ def command(
 
 def _sorted(
     values: dict[tuple[str, int, int, str], dict[str, float]], family: str, seeds: range,
-    names: tuple[str, ...], kinds: tuple[int, ...],
+    names: dict[str, tuple[str, ...]], kinds: tuple[int, ...],
 ) -> Found:  # fmt: skip
     return {
         name: {
@@ -276,15 +309,15 @@ def _sorted(
                 mode: [values[family, seed, mode, name][figure] for seed in seeds]
                 for mode in kinds
             }
-            for figure in CASES[name].figures
+            for figure in figures
         }
-        for name in names
+        for name, figures in names.items()
     }
 
 
-def table_rows(found: Found, kinds: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """Return the rows of a family's table, the first is its head."""
-    rows = [("case", "figure", *(f"mode {mode}" for mode in kinds), "wanted")]
+def table_rows(found: Found, kinds: dict[int, str]) -> list[tuple[str, ...]]:
+    """Return the rows of a family's table, the first is its head; kinds: as in `Subject`."""
+    rows = [("case", "figure", *kinds.values(), "wanted")]
     for name, figures in found.items():
         for figure, by_mode in figures.items():
             limit = WANTED[figure]

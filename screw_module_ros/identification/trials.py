@@ -22,7 +22,7 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
-from ..plant.patient import RIGID, ArmForce, HandPath
+from ..plant.patient import RIGID, ArmForce, HandPath, resting
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
@@ -163,24 +163,40 @@ class HandTrial(NamedTuple):
         return self.motion.duration
 
 
+class PlaneLoop(NamedTuple):
+    """The sampled loop of the plane, as the node `manus` has it on the graph.
+
+    rate: samples per second [1/s]; delay: from a sample to its torque [s]; force_age: of the newest
+    force sample at a tick [s]; cutoff: of the velocity filter [Hz].
+    """
+
+    rate: float = 500.0
+    delay: float = 0.0007
+    force_age: float = 0.001
+    cutoff: float = 30.0
+
+
 class PlanarTrial(NamedTuple):
     """The hand moves the handle in the plane while the planar law runs; in process only.
 
-    settings: of the law; arm; direction: of the motion, from +x counter-clockwise [rad]; amplitude
-    [m], omega [rad/s], way, tremor, duration, released_after: as in `MotionTrial`, about the
-    workspace centre, where the set point stays. Its samples have two columns, x and y, in place of
-    position, velocity and force.
+    settings: of the law; arm; direction: of the motion, from +x counter-clockwise [rad]; path: of
+    the virtual hand in this direction; centre: x, y where the set point stays and the path has its
+    zero [m]; duration: of the samples, after 1.5 s at the path's start; first: from when their
+    error counts; released_after: time at which the hand lets go [s]; grip: of the hand; loop: of
+    the plane. Its samples have two columns, x and y from the centre, in place of position, velocity
+    and force.
     """
 
     settings: PlanarSettings
     arm: Arm = Arm()
     direction: float = 0.0
-    amplitude: float = 0.0
-    omega: float = 0.0
+    path: HandPath = resting(0.0)
     duration: float = 8.0
-    way: float = 0.0
-    tremor: float = 0.0
+    first: float = 0.0
     released_after: float = math.inf
+    centre: tuple[float, float] = (0.0, 0.0)
+    grip: ArmForce = RIGID
+    loop: PlaneLoop = PlaneLoop()
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial

@@ -4,6 +4,7 @@
 ::
 
     tick -> SYNC -> both positions -> joint angles -> planar law -> permit -> both torques
+                                     handle force ----^
 
 The drives' counts have no home: `home` declares that the handle stands at the reference mark.
 """
@@ -139,7 +140,6 @@ class Plane:
     gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. output:
     of the law in the last tick, None without positions. written: torques of the last tick [Nm].
     meter: latency from the tick to the torques. skipped: ticks that an overrun skipped.
-    force_period_ns: between the force samples that it gets.
     """
 
     def __init__(
@@ -153,7 +153,6 @@ class Plane:
         freeze: FreezeSettings = _FREEZE,
         slot_limits: SlotLimits = _SLOT_LIMITS,
         limits: PlaneLimits | None = None,
-        force_period_ns: int = 0,
         wires: PlaneWires | None = None,
     ):
         self.settings = settings
@@ -170,9 +169,13 @@ class Plane:
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
         self._wires = wires or PlaneWires()
         self._period_ns = period_ns
-        self._force_period_ns = force_period_ns or period_ns
         self._rehoming = Rehoming(joints.home_shift)
         self.restart()
+
+    @property
+    def share(self) -> float:
+        """Share of the force gain left by the guard, 0 to 1."""
+        return self.output.share if self.output else 1.0
 
     @property
     def homed(self) -> bool:
@@ -198,9 +201,8 @@ class Plane:
         self._ticker = Ticker(self._clock, self._period_ns)
         self._law = initial_state(self.settings)
         self._acted = Age(_FRESH_NS)
-        period_ns = self._force_period_ns
-        self._forces = Stream("force sensor", period_ns, self.permit.fault, numbered=False)
-        self._force_age = Age(_FORCE_PERIODS * period_ns, self._period_ns)
+        self._forces = Stream("force sensor", self._period_ns, self.permit.fault, numbered=False)
+        self._force_age = Age(_FORCE_PERIODS * self._period_ns, self._period_ns)
         self._hand = _UNKNOWN
         self._lose_homes()
 
@@ -314,6 +316,7 @@ class Plane:
             vy,
             acts,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
+            *self._hand,
         )
         self.output = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
         self._write(now_ns)

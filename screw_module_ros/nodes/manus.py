@@ -107,7 +107,6 @@ class ManusNode(DriveNode):
             self.parameters.read(FreezeSettings, "freeze"),
             self.parameters.read(SlotLimits, "slot"),
             self.parameters.read(PlaneLimits),
-            round(1e9 / graph.DECIMATED_RATE),
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._make_topics()
@@ -131,9 +130,9 @@ class ManusNode(DriveNode):
     def _make_topics(self) -> None:
         inbox = self.new_inbox()
         self._take_setpoint = inbox.subscribe(*requested(graph.SETPOINT))
-        self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
+        self._take_force = inbox.subscribe(*requested(graph.FORCE))
         self._slot = SlotInbox(inbox, vertical=False)
-        self.follow(inbox, PLANAR, alone=graph.FORCE_DECIMATED)
+        self.follow(inbox, PLANAR, alone=graph.FORCE)
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
@@ -205,6 +204,7 @@ class ManusNode(DriveNode):
             "late": state.late,
             "lost": state.lost,
             "homed": self._plane.homed,
+            "force gain [%]": f"{100.0 * self._plane.share:.0f}",
             "slot refused": self._slot.refused or "no",
             **self.port_values(self._plane.skipped),
         }

@@ -47,7 +47,7 @@ def test_vertical_law():
 
 def test_planar_law():
     chance = random.Random(2)
-    settings = planar.PlanarSettings(joint_friction=0.2, carried_mass=3.0)
+    settings = planar.PlanarSettings()
     plain = planar.initial_state(settings)
     twin, fast = packed(plain), compiled(planar_twin)
     for _ in range(300):
@@ -61,6 +61,11 @@ def test_planar_law():
             0.0,
             math.nan,
             chance.random() < 0.95,
+            0.0,
+            0.0,
+            0.0,
+            chance.choice([math.nan, 60.0]) if chance.random() < 0.1 else 5.0,
+            chance.uniform(-20.0, 20.0),
         )
         expected = planar_step(settings, plain, inp, 0.002)
         found = fast(settings, twin, inp, 0.002)

@@ -21,7 +21,6 @@ from screw_module_ros.control.guard import (
     forget_chatter,
     guard_step,
     guarded,
-    share_left,
     tune_guard,
 )
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
@@ -79,7 +78,7 @@ def test_what_hands_do_is_no_chatter(force):
     chatter = quiet().chatter
     for k in range(2000):
         chatter_step(chatter, force(k * DT), LIMIT, DT)
-        assert share_left(chatter) == 1.0
+        assert chatter.share == 1.0
 
 
 def test_a_weaker_chatter_takes_longer_and_as_much():

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.control import modes
-from screw_module_ros.identification import study
+from screw_module_ros.identification import planar_study, study
 from screw_module_ros.identification.study import CASES, CENTRE, FIGURES, WANTED, drawn, measured
 from screw_module_ros.plant.patient import hand_point
 
@@ -30,7 +30,9 @@ def test_rigs_are_drawn_within_their_ranges_and_are_the_same_for_a_seed():
 
 def test_every_case_has_figures_that_are_known():
     assert set(WANTED) == set(FIGURES)
-    assert {figure for case in CASES.values() for figure in case.figures} == set(FIGURES)
+    subjects = study.VERTICAL, study.PLANE
+    shown = [names for subject in subjects for names in subject.figures.values()]
+    assert {figure for names in shown for figure in names} == set(FIGURES)
 
 
 def test_a_plain_spring_shows_its_friction_and_an_observer_takes_it_away():
@@ -74,7 +76,21 @@ def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
     assert "Family B, soft grip" in text and "study --rigs 2 --first-seed 1" in text
 
 
+def test_the_plane_has_rigs_and_a_table_of_its_own(tmp_path):
+    rigs = [planar_study.drawn("B", seed) for seed in range(40)]
+    assert rigs[3] == planar_study.drawn("B", 3)
+    assert {rig.loop.rate for rig in rigs} == {250.0, 500.0}
+    assert all(1e-3 <= rig.loop.force_age <= 3e-3 for rig in rigs)
+    call = ["--plane", "--rigs", "1", "--folder", str(tmp_path), "--workers", "1", "--case"]
+    run = CliRunner().invoke(study.command, [*call, "fast_x"])
+    assert run.exit_code == 0, run.output
+    assert "feedback" in (tmp_path / "study.md").read_text(encoding="utf-8")
+    found = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))["A"]["fast_x"]["rms"]
+    assert found["1"][0] < 0.3 * found["0"][0]
+    assert CliRunner().invoke(study.command, [*call, "obstacle, not felt"]).exit_code == 2
+
+
 def test_the_least_share_is_the_worst():
-    rows = study.table_rows({"slow": {"share": {5: [0.2, 1.0, 0.9]}}}, (5,))
+    rows = study.table_rows({"slow": {"share": {5: [0.2, 1.0, 0.9]}}}, {5: "mode 5"})
     assert rows[1] == ("slow", "least share", "0.9 / 0.2", "1")
     assert math.isinf(WANTED["peak"])

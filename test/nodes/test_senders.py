@@ -58,7 +58,7 @@ def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
 @pytest.mark.parametrize(
     ("name", "kind", "topic"),
     [("amplifier", ForceCommand, "screw/force_command"),
-     ("manus", ForceSample, "handle/force/decimated")],
+     ("manus", ForceSample, "handle/force")],
 )  # fmt: skip
 def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind, topic):
     node = make_node(name)
