@@ -232,6 +232,15 @@ def test_enable_is_refused_with_its_reason_and_no_drive_is_asked(happens, wrong,
     assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
 
 
+def test_a_latch_whose_cause_lasts_is_told_by_its_cause(opened):
+    """Not by the latch: clearing it would not help."""
+    fault(opened)
+    opened.step()
+    assert opened.ask(opened.permit.apply_enable) == "over-current"
+    opened.drives[0].fault = ""
+    assert "latched: call ~/clear_fault first" in opened.ask(opened.permit.apply_enable)
+
+
 def test_what_one_drive_refuses_is_asked_of_none():
     gate = Gate(drives=2)
     gate.drives[1].refused = "it is still recovering"
