@@ -156,7 +156,7 @@ def _quantity(
     if wanted.quantity == PERIOD_US:
         return round(1e6 / settings.rate)
     if wanted.quantity == DEADLINE_PERIODS:
-        return max(1, round(settings.command_timeout * settings.rate))
+        return round(settings.command_timeout * settings.rate)
     if wanted.quantity == LIMIT:
         return math.ceil(share * sdo.unsigned(*key_of(wanted.base)) - _ROUNDING)
     return wanted.value

@@ -209,6 +209,22 @@ def test_an_encoder_that_counts_otherwise_is_told(robot):
         bench.connect()
 
 
+def test_an_encoder_that_scales_already_is_compared_with_its_scale(robot):
+    """Nothing is written: who set it up may have had a reason."""
+    bench = robot(encoder="baumer_rotary")
+    node = bench.rig.devices["encoder"].node
+    node.put(0x6000, 0, 1 << MAKES["baumer_rotary"].encoder.scaling_bit)
+    node.put(0x6001, 0, 4096)
+    with pytest.raises(NotConfigured, match="object 6001, its scaling is on.*set it to 4096"):
+        bench.connect()
+
+
+@pytest.mark.parametrize(("make", "period"), [("epos4", 0.010), ("elmo_gold", 0.015)])
+def test_a_make_that_needs_a_short_heartbeat_gets_four_in_its_timeout(robot, make, period):
+    bench = robot(drive=make)
+    assert bench.drive.settings.heartbeat_period == pytest.approx(period)
+
+
 def test_a_net_box_measures_as_the_netcanoem_does(robot):
     felt = {}
     for name in (profiles.NETCANOEM, "ati_net"):

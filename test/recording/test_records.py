@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags come back as arrays for figures and as messages for everything else."""
 
+import mcap.writer
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
@@ -113,6 +114,21 @@ def test_torn_bag_says_how_to_repair_it(bag):
         file.truncate(40_000)
     with pytest.raises(BagError, match="session recover"):
         columns(bag, "/screw/encoder")
+
+
+def test_messages_that_no_declaration_belongs_to_are_counted(tmp_path):
+    path = tmp_path / "b_0.mcap"
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file, enable_crcs=False)
+        writer.start("ros2", "another recorder")
+        schema = writer.register_schema("own_msgs/msg/X", "ros2msg", b"uint32 x")
+        known = writer.register_channel("/x", "cdr", schema)
+        for channel in (known, 99, known, 99):
+            writer.add_message(channel, 1, bytes(8), 1)
+        writer.finish()
+    file = File(path)
+    assert [message.channel_id for _, message in file.messages()] == [known, known]
+    assert "2 messages of topics whose declaration is damaged" in file.problems[-1]
 
 
 def test_file_of_another_recorder(tmp_path):
