@@ -142,7 +142,7 @@ _TOPICS = (
     Topic(AMPLIFIER_STATE, _OURS + "AmplifierState", "state", "amplifier", 100.0,
           ("encoder", "force_sensor", "impedance_controller", "endpoint_state", "supervisor")),
     Topic(MANUS_STATE, _OURS + "PlanarState", "state", "manus", 125.0,
-          ("endpoint_state", "supervisor"), clock="manus", every="state_every"),
+          ("force_sensor", "endpoint_state", "supervisor"), clock="manus", every="state_every"),
     Topic(ENDPOINT_STATE, _OURS + "EndpointState", "state", "endpoint_state", 200.0,
           ("supervisor", "therapy_session", "web_bridge"), clock="endpoint_state", every=1),
     Topic(JOINT_STATES, "sensor_msgs/msg/JointState", "state", "endpoint_state", 100.0),

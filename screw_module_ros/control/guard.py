@@ -203,6 +203,6 @@ def guarded(share: float) -> str:
     """Return the operator's message for a remaining share of the force gain, 0 to 1."""
     return (
         f"chatter guard: the robot drives what holds the handle, {100.0 * share:.0f} % of feedback "
-        "and friction model are left, a damper is in their place; hold the handle otherwise, or "
+        "or friction model are left, a damper is in their place; hold the handle otherwise, or "
         "lower the gain"
     )

@@ -26,6 +26,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ..filters import envelope
 from ..geometry import forward, jacobian
 from .guard import OBSERVED, Guard, damper_force, forget, guard_step, leaky_gain, tune_guard
 from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
@@ -35,6 +36,10 @@ from .setpoint import Range, SetPoint, follow, hold_at
 # Lower than in the vertical law: on a wall of 1e6 N/m the plane oscillates at 60 Hz.
 CHATTER_HZ = 40.0
 RETURN = 3.0  # [s] in which the gain comes back there, longer too: the wall stays
+STANDING = 6.0  # [N] of feedback at most while the handle stands: its friction is 1 N
+DRIVING = 0.05  # [m/s] largest recent speed from which `feedback_limit` alone bounds it
+STOPPED = 0.2  # [s] time constant with which a handle that moved counts as one that stands
+GUIDED = 100.0  # [N/m] of a usual slot, whose spring is not in the input
 # Sine of the angle between the links up to which the arm counts as stretched or folded: the torque
 # that leads out of there does not vanish.
 SINGULAR = 0.02
@@ -101,14 +106,15 @@ class Axis:
 @dataclass(slots=True)
 class PlanarState:
     """Memory of the law; `initial_state` makes one. dt: for which the filters are tuned [s];
-    stiffness [N/m], damping [Ns/m], force gain in use; weight of the force, 0 to 1; shoulder,
-    elbow: last torques [Nm]."""
+    stiffness [N/m], damping [Ns/m], force gain in use; weight of the force, 0 to 1; driven:
+    largest speed of the handle in the last moments [m/s]; shoulder, elbow: last torques [Nm]."""
 
     dt: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.0
     gain: float = 0.0
     weight: float = 0.0
+    driven: float = 0.0
     x: Axis = field(default_factory=Axis)
     y: Axis = field(default_factory=Axis)
     shoulder: float = 0.0
@@ -169,7 +175,10 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
 
     _feed_back(p, s, s.x, force_x, inp.force_x if known else -force_x, vx, dt)
     _feed_back(p, s, s.y, force_y, inp.force_y if known else -force_y, vy, dt)
-    most = _within(p.feedback_limit, s.x.fed, s.y.fed)
+    # What stands still against more than friction is an obstacle that the transducer does not feel.
+    s.driven = envelope(s.driven, math.hypot(vx, vy), dt, STOPPED)
+    opened = STANDING + min(1.0, s.driven / DRIVING) * (p.feedback_limit - STANDING)
+    most = _within(min(p.feedback_limit, opened), s.x.fed, s.y.fed)
     s.x.fed, s.y.fed = s.x.fed * most, s.y.fed * most
     whole_x = force_x + s.weight * _helping(p, s.x.fed, x, vx, p.half_width, fast_x)
     whole_y = force_y + s.weight * _helping(p, s.y.fed, y, vy, p.half_depth, fast_y)
@@ -201,7 +210,7 @@ def _rest(
     """Return no torques, and forget the motion; the handle is at x, y [m] and moves [m/s]."""
     _hold_at(p, s, x, y)
     s.stiffness, s.damping, s.gain, s.weight = p.stiffness, p.damping, 0.0, 0.0
-    s.shoulder = s.elbow = 0.0
+    s.shoulder = s.elbow = s.driven = 0.0
     for axis in (s.x, s.y):
         forget(axis.guard)
         axis.error = axis.fed = 0.0
@@ -220,12 +229,16 @@ def _asked(
 ) -> float:
     """Return the force of spring, damper and the guard's damper along one axis [N].
 
-    left: share of spring and damper that no slot replaces, 0 to 1.
+    left: share of spring and damper that no slot replaces, 0 to 1. A slot may have no damper, and
+    the force gain leaves no friction that brings a released handle to rest between its walls.
     """
     to = axis.setpoint
-    pull = s.stiffness * (to.position - position) + s.damping * (to.velocity - velocity)
-    shown = axis.guard.chatter.share  # chatter is what no velocity shows: no damper meets it
-    return left * pull - damper_force(axis.guard.passivity, velocity, shown, p.chatter_damping)
+    pull = left * (s.stiffness * (to.position - position) + s.damping * (to.velocity - velocity))
+    if left < 1.0 and s.gain > 0.0:
+        pull -= (1.0 - left) * least_damping(p, max(s.stiffness, GUIDED), s.gain) * velocity
+    # Chatter is what no velocity shows: no damper meets it.
+    weight = min(1.0, s.gain) * axis.guard.chatter.share
+    return pull - damper_force(axis.guard.passivity, velocity, weight, p.chatter_damping)
 
 
 def _feed_back(
@@ -234,7 +247,8 @@ def _feed_back(
 ) -> None:  # fmt: skip
     """Take guard and force feedback of an axis one step further (eqs 6.5 to 6.8).
 
-    desired: Fpd; force: of the patient, -Fpd where it is not known [N]; velocity [m/s].
+    desired: Fpd; force: of the patient [N], -Fpd, which is no error, where it is not known;
+    velocity [m/s].
     """
     error = desired + force
     if s.gain > 0.0:

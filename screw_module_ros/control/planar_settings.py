@@ -9,6 +9,8 @@ from typing import Annotated, NamedTuple
 from ..geometry import MANUS, PlanarArm
 from ..settings import Setting, validated
 
+STUDIED_GAIN = 9.0
+"""Force gain of the study (docs/control.md). The default is none: nothing certifies a plane."""
 DELAY = 0.008
 """From a position to its torque, with the velocity filter of 30 Hz and 1.5 periods [s]."""
 DAMPING_RATIO = 0.25
@@ -48,7 +50,7 @@ class PlanarSettings(NamedTuple):
         float,
         Setting("gain k of the force feedback; it leaves a mass / (1 + k)", "", 0.0, 30.0,
                 live=True),
-    ] = 9.0
+    ] = 0.0
     force_cutoff: Annotated[
         float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
     ] = 7.0

@@ -235,8 +235,8 @@ def error_map(table: np.ndarray, rows: Sequence[str], columns: Sequence[str], ti
 
 
 def _case_text(name: str) -> str:
-    """Return a trial's name for a reader: wall_1e4_badly is a wall of 10 kN/m, badly damped."""
+    """Return a trial's name for a reader: wall_1e4_badly_moved is a wall of 10 kN/m."""
     if not name.startswith("wall_"):
         return name.replace("_", " ")
-    _, stiffness, damped = name.split("_")
-    return f"wall {float(stiffness) * 1e-3:g} kN/m, {damped}"
+    _, stiffness, *words = name.split("_")
+    return ", ".join((f"wall {float(stiffness) * 1e-3:g} kN/m", *words))

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..control.planar_settings import PlanarSettings
+from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..plant.patient import HandPath
 from ..settings import Setting
 from .figures import error_map
@@ -145,7 +145,7 @@ _NOTES = (
 
 def law_of(settings: Settings, kind: str) -> PlanarSettings:
     """Return the planar law's numbers, with or without feedback (`KINDS`)."""
-    law = PlanarSettings(damping=settings.damping)
+    law = PlanarSettings(damping=settings.damping, force_gain=STUDIED_GAIN)
     return law if kind == "feedback" else law._replace(force_gain=0.0)
 
 

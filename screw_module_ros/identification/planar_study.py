@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..control.planar_settings import PlanarSettings
+from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..plant.patient import RIGID, ArmForce, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from .bench import InProcessBench
@@ -77,7 +77,7 @@ CASES = {
 
 def measured(family: str, seed: int, kind: int, name: str) -> dict[str, float]:
     """Return the figures of one case on one rig, without or with feedback."""
-    law = PlanarSettings()
+    law = PlanarSettings(force_gain=STUDIED_GAIN)
     return measured_with(family, seed, law if kind == WITH else law._replace(force_gain=0.0), name)
 
 

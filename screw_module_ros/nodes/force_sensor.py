@@ -26,6 +26,7 @@ from .support.wire import pack_force
 _GATHER_S = 3.0
 _WATCHED_S = 2.0  # of the force in which nobody seems to hold the handle
 _JUMPS = "would jump"
+_FED_BACK = graph.AMPLIFIER_STATE, graph.MANUS_STATE  # of those that feed the force back
 _ZERO_ERROR = "error of the zero, if nothing hangs on the handle"
 
 
@@ -59,7 +60,7 @@ class ForceSensorNode(SensorNode):
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._watched = round(_WATCHED_S * settings.rate / self._wrench_every)
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
-        self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
+        self._torque_off = TorqueOff(self, self.new_inbox(), self.clock, _FED_BACK)
 
     def begin(self) -> None:
         """Start the samples; an activation also clears a latched fault.
@@ -90,7 +91,7 @@ class ForceSensorNode(SensorNode):
             gathering.append(reading)
 
     def _tare(self, request: Trigger.Request) -> str:
-        """Tare, only while the vertical drive gives no torque.
+        """Tare, only while no drive gives torque.
 
         With force feedback the patient would feel the removed bias at once, multiplied by the gain.
         """

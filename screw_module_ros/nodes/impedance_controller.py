@@ -208,7 +208,12 @@ class ImpedanceControllerNode(Node):
         super().disconnect()
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
-        """Return why the law cannot run with these parameters, or goes beyond the certificate."""
+        """Return why the law cannot run with these parameters, or goes beyond the certificate.
+
+        Before it is configured nothing is refused: to configure is.
+        """
+        if not self.configured:
+            return ""
         law = self.parameters.read(VerticalSettings, changes=changes)
         mode = self.parameters.read(ControllerSettings, changes=changes).mode
         if self._may_act and mode != self.part.mode and EXCITATION in (mode, self.part.mode):

@@ -11,6 +11,7 @@ from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
+from screw_module_ros.control.guard import guarded
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
@@ -26,7 +27,7 @@ from screw_module_ros.settings import Setting, SettingError, fields
 
 from .support.driver import RateSettings, device_values
 from .support.drives import PLANAR, DriveNode
-from .support.states import Health, at_base, fill_plane, set_impedance
+from .support.states import OK, WARN, Health, at_base, fill_plane, set_impedance
 from .support.topics import SlotInbox, offered, requested
 
 _JOINTS = {"shoulder": 3, "elbow": 4}
@@ -212,4 +213,7 @@ class ManusNode(DriveNode):
             values[f"{joint} state"] = drive.state(now_ns).text
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
-        return self.drive_health(values, state)
+        health, share = self.drive_health(values, state), self._plane.share
+        if health.level == OK and share < 1.0:
+            return health._replace(level=WARN, message=guarded(share))
+        return health

@@ -124,7 +124,7 @@ def next_step(seen: Seen, mode: int, hand: Hand, drives: Sequence[str] = DRIVES)
 
 
 def _force_step(seen: Seen, hand: Hand) -> Step | None:
-    if seen.amplifier is not None and seen.amplifier.enabled:
+    if any(state is not None and state.enabled for state in (seen.amplifier, seen.manus)):
         return None  # taring is refused: the force feedback would jump
     if seen.wrench is None:
         return _tare("the force sensor is silent", hand)

@@ -21,7 +21,7 @@ from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock, ManualClock, PlainArrivals
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices import force_sensors
@@ -242,8 +242,8 @@ class Bench:
             TorqueChain(linearization=default_linearization()),
         )
         self.plane = Plane(
-            self.planar_drives, self.ports["planar"], PERIOD_NS, PlanarSettings(), JointSettings(),
-            PermitSettings(),
+            self.planar_drives, self.ports["planar"], PERIOD_NS,
+            PlanarSettings(force_gain=STUDIED_GAIN), JointSettings(), PermitSettings(),
         )  # fmt: skip
         self.setpoint = (math.nan, 0.0)
         self.planar_setpoint = (math.nan, math.nan, 0.0, 0.0)

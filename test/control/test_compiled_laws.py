@@ -47,7 +47,7 @@ def test_vertical_law():
 
 def test_planar_law():
     chance = random.Random(2)
-    settings = planar.PlanarSettings()
+    settings = planar.PlanarSettings(force_gain=9.0)
     plain = planar.initial_state(settings)
     twin, fast = packed(plain), compiled(planar_twin)
     for _ in range(300):

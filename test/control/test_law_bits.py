@@ -60,7 +60,7 @@ VERTICAL = {
 }
 PLANE = {
     0.0: "512088e96ebce577",
-    9.0: "e1c9292a9a43e703",
+    9.0: "85f67ccc4efcd95f",
 }
 ODD = (math.nan, math.inf, -math.inf, 1e300)
 

@@ -5,13 +5,19 @@ import math
 
 import pytest
 
-from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
-from screw_module_ros.control.planar_settings import DELAY, PlanarSettings, least_damping
+from screw_module_ros.control.planar import STANDING, PlanarInput, initial_state, planar_step
+from screw_module_ros.control.planar_settings import (
+    DELAY,
+    STUDIED_GAIN,
+    PlanarSettings,
+    least_damping,
+)
 from screw_module_ros.geometry import inverse, jacobian
 
 DT = 0.002
 MASS = 6.5
-PLAIN = PlanarSettings(stiffness=0.0, damping=0.0)
+FED = PlanarSettings(force_gain=STUDIED_GAIN)
+PLAIN = FED._replace(stiffness=0.0, damping=0.0)
 NO_SETPOINT = (math.nan,) * 4
 UNKNOWN = (math.nan, math.nan)
 
@@ -85,17 +91,19 @@ def test_the_limit_holds_at_a_hand_that_does_not_give_way(aim):
     assert math.hypot(*force) == pytest.approx(law.force_limit, rel=1e-3)
 
 
-def test_a_false_force_is_worth_no_more_than_the_feedbacks_limit():
+@pytest.mark.parametrize(("speed", "most"), [(0.0, STANDING), (0.06, PLAIN.feedback_limit)])
+def test_a_false_force_is_worth_no_more_than_the_feedbacks_limit(speed, most):
+    """And little while the handle stands."""
     state = initial_state(PLAIN)
     for _ in range(1000):
-        inp = at(0.0, 0.0, force=(100.0, -70.0))
+        inp = at(0.0, 0.0, (0.0, speed), force=(100.0, -70.0))
         output = planar_step(PLAIN, state, inp, DT)
-    assert math.hypot(state.x.fed, state.y.fed) == pytest.approx(PLAIN.feedback_limit)
-    assert math.hypot(*pressed(output, inp)) <= PLAIN.feedback_limit + 1e-9
+    assert math.hypot(state.x.fed, state.y.fed) == pytest.approx(most)
+    assert math.hypot(*pressed(output, inp)) <= most + 7.0 * speed
 
 
 def test_without_a_force_the_gain_fades_and_the_impedance_is_left():
-    law, setpoint = PlanarSettings(), (0.05, 0.0, 0.0, 0.0)
+    law, setpoint = FED, (0.05, 0.0, 0.0, 0.0)
     state, plain = initial_state(law), initial_state(law)
     known = at(0.0, 0.0, force=(3.0, 1.0), setpoint=setpoint)
     for _ in range(1000):
@@ -118,7 +126,7 @@ def test_without_a_force_the_gain_fades_and_the_impedance_is_left():
 
 
 def test_no_jump_at_enabling_with_a_hand_that_pushes():
-    law, before = PlanarSettings(), (0.0, 0.0)
+    law, before = FED, (0.0, 0.0)
     state = initial_state(law)
     for _ in range(400):
         output = planar_step(law, state, at(0.05, 0.1, force=(20.0, -15.0)), DT)
@@ -126,11 +134,11 @@ def test_no_jump_at_enabling_with_a_hand_that_pushes():
         # 20 N in half a second, a tenth of the limit of the rate
         assert max(abs(a - b) for a, b in zip(torques, before, strict=True)) < 0.25
         before = torques
-    assert max(map(abs, before)) > 5.0
+    assert max(map(abs, before)) > 2.0
 
 
 def test_a_robot_that_drives_an_oscillation_gets_a_damper_and_loses_gain():
-    law, state = PlanarSettings(), initial_state(PlanarSettings())
+    law, state = FED, initial_state(FED)
     shares, braked = [], 0.0
     for tick in range(1000):
         phase = 2.0 * math.pi * 12.0 * tick * DT
@@ -144,7 +152,7 @@ def test_a_robot_that_drives_an_oscillation_gets_a_damper_and_loses_gain():
 
 
 def test_a_hand_that_trembles_keeps_the_gain():
-    law, state = PlanarSettings(), initial_state(PlanarSettings())
+    law, state = FED, initial_state(FED)
     for tick in range(1000):
         phase = 2.0 * math.pi * 5.0 * tick * DT
         inp = at(0.0, 0.0, (0.1 * math.cos(phase), 0.0), (4.0 * math.cos(phase), 0.0))
@@ -153,7 +161,7 @@ def test_a_hand_that_trembles_keeps_the_gain():
 
 def test_chatter_that_no_velocity_shows_takes_gain_and_damper():
     """On a wall of 1e6 N/m, 60 Hz: a damper on a velocity that lags would keep it up."""
-    law, state = PlanarSettings(), initial_state(PlanarSettings())
+    law, state = FED, initial_state(FED)
     state.x.guard.passivity.need = 100.0
     for tick in range(300):
         force = (6.0 * math.sin(2.0 * math.pi * 60.0 * tick * DT), 0.0)
@@ -165,7 +173,7 @@ def test_chatter_that_no_velocity_shows_takes_gain_and_damper():
 
 
 def test_towards_an_edge_the_speed_limit_falls_with_the_way_left():
-    law = PlanarSettings(stiffness=0.0, damping=0.0)
+    law = PLAIN
 
     def braked(y, speed):
         state = initial_state(law)
@@ -181,7 +189,7 @@ def test_towards_an_edge_the_speed_limit_falls_with_the_way_left():
 
 
 def test_the_feedback_does_not_help_a_hand_over_the_edge():
-    law = PlanarSettings(stiffness=0.0, damping=0.0)
+    law = PLAIN
     state = initial_state(law)
     for _ in range(500):
         inp = at(0.0, law.half_depth, force=(0.0, 30.0))
@@ -196,3 +204,27 @@ def test_least_damping_is_for_what_the_gain_leaves():
     lag = 1.0 / (2.0 * math.pi * PLAIN.force_cutoff) + DELAY
     swings = 0.5 * math.sqrt(100.0 * PLAIN.mass / 10.0)
     assert least_damping(PLAIN, 100.0, 9.0) == pytest.approx(0.9 * (100.0 * lag + swings))
+
+
+def test_an_obstacle_that_is_not_felt_is_not_pressed_with_all_of_the_gain():
+    """A table's edge at the arm: the handle stands, no force shows, the spring pulls with 5 N."""
+    state, setpoint = initial_state(FED), (0.05, 0.0, 0.0, 0.0)
+    for _ in range(2000):
+        inp = at(0.0, 0.0, force=(0.0, 0.0), setpoint=setpoint)
+        output = planar_step(FED, state, inp, DT)
+    assert math.hypot(*pressed(output, inp)) == pytest.approx(5.0 + STANDING, abs=0.1)
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 100.0, 200.0])
+def test_a_released_handle_comes_to_rest_in_a_slot_without_a_damper(stiffness):
+    state, place, speed, late = initial_state(FED), 0.03, 0.0, (0.0, 0.0)
+    far = []
+    for _ in range(4000):
+        slot = -stiffness * place
+        inp = at(place, 0.0, (speed, 0.0), (0.0, 0.0))._replace(slot_x=slot, slot_weight=1.0)
+        driven, late = late[0], pressed(planar_step(FED, state, inp, DT), inp)
+        friction = min(0.8, abs(driven + MASS * speed / DT))
+        speed += (driven - math.copysign(friction, driven + MASS * speed / DT)) / MASS * DT
+        place += speed * DT
+        far.append(abs(place))
+    assert max(far[-500:]) < 0.003

@@ -23,6 +23,11 @@ def inbox_with(*states: AmplifierState | None) -> SimpleNamespace:
     return SimpleNamespace(subscribe=lambda *_: lambda: next(told, None))
 
 
+def each_state_again(states: dict) -> SimpleNamespace:
+    """Return an inbox that gives the state of each topic at every look."""
+    return SimpleNamespace(subscribe=lambda kind, topic, *_: lambda: states[topic])
+
+
 def served_at_once():
     """Return a part of a loop that carries out each request as soon as it is asked for."""
     return SimpleNamespace(requests=SimpleNamespace(ask=lambda act, clock: act()))

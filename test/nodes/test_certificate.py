@@ -48,6 +48,18 @@ def changed(node, **values):
     return "; ".join(result.reason for result in results if not result.successful)
 
 
+@pytest.mark.parametrize("required", [False, True])
+def test_it_is_configured_again_with_its_module_s_gains(controller, required):
+    node = controller(
+        mode=modes.FORCE_FEEDBACK, force_gain=8.0, certificate_required=required
+    )
+    for _ in range(2):
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        assert node.get_parameter("force_gain").value == 6.28
+        assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    node.close()
+
+
 def test_it_starts_with_the_gains_that_its_module_permits(controller):
     """Smaller ones stay; after the module is gone, those of the parameters are back."""
     node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`force_sensor/tare` moves the zero only while the vertical drive gives no torque, to the end.
+"""`force_sensor/tare` moves the zero only while no drive gives torque, to the end.
 
 It gathers samples for a tenth of a second or more, and an operator may enable meanwhile.
 """
@@ -9,8 +9,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from amplifier_told import PatientClock, inbox_with, served_at_once
-from screw_module_msgs.msg import AmplifierState
+from amplifier_told import PatientClock, each_state_again, inbox_with, served_at_once
+from screw_module_msgs.msg import AmplifierState, PlanarState
 
 from screw_module_ros.nodes.support.answering import carried_out
 from screw_module_ros.nodes.support.driver import TorqueOff
@@ -43,3 +43,24 @@ def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, bef
     said = carried_out(node, node._tare, None, "~/tare", always=True)
     assert node.device.tared == tared
     assert ("the vertical drive is enabled" in said) is not bool(tared)
+
+
+@pytest.mark.parametrize(
+    ("plane", "tared"),
+    [
+        (PlanarState(), 1),
+        (PlanarState(enabled=True), 0),
+        (PlanarState(drive_state=[0, AmplifierState.OPERATION_ENABLED]), 0),
+    ],
+)
+def test_not_while_the_plane_is_enabled(make_node, plane, tared):
+    """Its force feedback would press with a multiple of what the tare removes."""
+    node = make_node("force_sensor")
+    node.device = Device()
+    node.part = served_at_once()
+    node.clock = PatientClock(1)
+    inboxes = {"screw/amplifier_state": AmplifierState(), "manus/state": plane}
+    node._torque_off = TorqueOff(node, each_state_again(inboxes), node.clock, tuple(inboxes))
+    said = carried_out(node, node._tare, None, "~/tare", always=True)
+    assert node.device.tared == tared
+    assert ("the plane is enabled and would jump" in said) is not bool(tared)

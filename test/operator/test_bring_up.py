@@ -40,8 +40,8 @@ WORKING = Seen(
 )
 ILL = {"force_level": DiagnosticStatus.ERROR}
 OFF = AmplifierState(state=AmplifierState.SWITCHED_ON)
-IS_OFF = {"amplifier": OFF}
 PLANE_OFF = PlanarState(homed=True, drive_state=[3, 3])
+IS_OFF = {"amplifier": OFF, "manus": PLANE_OFF}
 
 
 def amplifier(**fields):
@@ -68,7 +68,7 @@ def safety(level, *reasons):
         ({**IS_OFF, **ILL}, ["force_sensor/tare"], "let go"),
         ({**IS_OFF, "force_level": DiagnosticStatus.WARN}, ["force_sensor/tare"], "let go"),
         ({**IS_OFF, **ILL, "tared_s": 2.0}, ["force_sensor/tare"], "let go"),
-        ({**ILL, "amplifier": None}, ["force_sensor/tare"], "let go"),
+        ({**ILL, "amplifier": None, "manus": None}, ["force_sensor/tare"], "let go"),
         (amplifier(faulted=True, reason="smoke"), ["amplifier/clear_fault"], None),
         (manus(faulted=True, reason="smoke"), ["manus/clear_fault"], None),
         (manus(homed=False), ["manus/home"], "plane to mark"),
@@ -112,11 +112,15 @@ def test_what_comes_by_itself_is_waited_for(change, why):
 
 def test_a_tare_takes_a_moment_to_show():
     step = next_step(WORKING._replace(**IS_OFF, **ILL, tared_s=0.5), MODE, RESTS)
-    assert step.services == ("amplifier/enable",)
+    assert step.services == ("amplifier/enable", "manus/enable")
 
 
 def test_a_tare_that_the_sensor_would_refuse_is_not_asked_for():
+    """Either axis feeds the force back."""
     assert next_step(WORKING._replace(**ILL), MODE, RESTS) is WORKS
+    for off in ({"amplifier": OFF}, {"manus": PLANE_OFF}):
+        step = next_step(WORKING._replace(**ILL, **off), MODE, RESTS)
+        assert step.services == (f"{next(iter(off))}/enable",)
 
 
 def test_a_moving_hand_gets_no_torque_and_a_robot_that_works_is_left_alone():

@@ -17,7 +17,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, planar_step
-from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.safety.checks import WatchSettings
@@ -96,7 +96,7 @@ class PlanarLaw(RuleBasedStateMachine):
 
     def __init__(self):
         super().__init__()
-        self.settings = PlanarSettings().validated()
+        self.settings = PlanarSettings(force_gain=STUDIED_GAIN).validated()
         self.state = planar_law.initial_state(self.settings)
         self.torques = (0.0, 0.0)
 

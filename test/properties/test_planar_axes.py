@@ -18,7 +18,7 @@ from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.limits import LONGEST_STEP
-from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -28,7 +28,7 @@ from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 PERIOD_NS = 2 * MS
 NODES = (3, 4)
-GATE, LAW, JOINTS = PermitSettings(), PlanarSettings(), JointSettings()
+GATE, LAW, JOINTS = PermitSettings(), PlanarSettings(force_gain=STUDIED_GAIN), JointSettings()
 LARGEST = (LAW.shoulder_torque, LAW.elbow_torque)
 PER_MILLE = 10.0 / 1000.0
 ROUNDING = 1e-9

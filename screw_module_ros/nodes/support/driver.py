@@ -7,7 +7,7 @@ from collections import Counter
 from contextlib import suppress
 from typing import Annotated, Any, NamedTuple
 
-from screw_module_msgs.msg import AmplifierState
+from screw_module_msgs.msg import AmplifierState, PlanarState
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_port, where, within
@@ -32,7 +32,7 @@ _SLOW_POLL_S = 5.0
 # (`gate.safety_timeout`): the torque of an amplifier that is silent for so long is off.
 _STATE_S = 0.4
 _LOOKS = 15
-_AMPLIFIER = graph.TOPICS[graph.AMPLIFIER_STATE].publisher
+_DRIVES = {"amplifier": "vertical drive", "manus": "plane"}
 
 
 class RateSettings(NamedTuple):
@@ -180,43 +180,55 @@ class SensorNode(DriverNode):
 
 
 class TorqueOff:
-    """Subscribes to the amplifier's state for the service thread. inbox: of the node."""
+    """Subscribes to the states of drives for the service thread. inbox: of the node; topics: of
+    the states, one for each node with drives that must give no torque."""
 
-    def __init__(self, node: Node, inbox: Inbox, clock: Clock):
+    def __init__(
+        self, node: Node, inbox: Inbox, clock: Clock,
+        topics: tuple[str, ...] = (graph.AMPLIFIER_STATE,),
+    ):  # fmt: skip
         self._node, self._clock = node, clock
-        self._state = Newest(inbox.subscribe(*requested(graph.AMPLIFIER_STATE)), 0)
+        self._states = {
+            graph.TOPICS[topic].publisher: Newest(inbox.subscribe(*requested(topic)), 0)
+            for topic in topics
+        }
 
     def check(self, why: str) -> None:
-        """Raise NotNow when the amplifier's next state shows that torque passes or may pass.
+        """Raise NotNow when the next state of a node shows that torque passes or may pass.
 
-        why: the consequence, for the message. A silent amplifier passes no torque, but one that
-        the middleware has not discovered yet may: it has 3 s for that.
+        why: the consequence, for the message. A silent node passes no torque, but one that the
+        middleware has not discovered yet may: it has 3 s for that.
         """
-        for _ in range(_LOOKS):
-            state = self._next_state()
-            if state is not None or not self._is_undiscovered():
-                break
-        else:
-            raise NotNow(
-                f"{_AMPLIFIER} runs, but this node has not discovered it yet: try again in a moment"
-            )
-        if state is not None and (
-            state.enabled or state.state == AmplifierState.OPERATION_ENABLED
-        ):
-            raise NotNow(
-                f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
-            )
+        for name, newest in self._states.items():
+            for _ in range(_LOOKS):
+                state = self._next_state(newest)
+                if state is not None or not self._is_undiscovered(name):
+                    break
+            else:
+                raise NotNow(
+                    f"{name} runs, but this node has not discovered it yet: try again in a moment"
+                )
+            if state is not None and may_pass_torque(state):
+                raise NotNow(
+                    f"the {_DRIVES[name]} is enabled and {why}: disable it first ({name}/enable)"
+                )
 
-    def _next_state(self) -> Any:
-        """Return the amplifier's next state, None while it is silent."""
-        self._state.update(0)
-        self._state.forget()  # a waiting message may be old
-        self._clock.wait_for(lambda: self._state.update(0), _STATE_S)
-        return self._state.message
+    def _next_state(self, newest: Newest) -> Any:
+        """Return a node's next state, None while it is silent."""
+        newest.update(0)
+        newest.forget()  # a waiting message may be old
+        self._clock.wait_for(lambda: newest.update(0), _STATE_S)
+        return newest.message
 
-    def _is_undiscovered(self) -> bool:
-        """Return whether the amplifier runs on this machine and the graph does not show it."""
+    def _is_undiscovered(self, name: str) -> bool:
+        """Return whether a node runs on this machine and the graph does not show it."""
         namespace = self._node.get_namespace()
-        if (_AMPLIFIER, namespace) in self._node.get_node_names_and_namespaces():
+        if (name, namespace) in self._node.get_node_names_and_namespaces():
             return False
-        return runs(f"{namespace.rstrip('/')}/{_AMPLIFIER}")
+        return runs(f"{namespace.rstrip('/')}/{name}")
+
+
+def may_pass_torque(state: AmplifierState | PlanarState) -> bool:
+    """Return whether torque passes, or somebody else has enabled a drive of this node."""
+    states = (state.state,) if isinstance(state, AmplifierState) else tuple(state.drive_state)
+    return state.enabled or AmplifierState.OPERATION_ENABLED in states
