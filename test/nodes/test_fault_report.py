@@ -5,8 +5,9 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from screw_module_msgs.msg import PlanarState
 
-from screw_module_ros.nodes.support.states import OK, WARN, Health
+from screw_module_ros.nodes.support.states import ERROR, OK, WARN, Health
 from screw_module_ros.samples import ForceReading
 
 
@@ -71,3 +72,20 @@ def test_a_drifted_zero_is_shown_once_nobody_holds_the_handle(make_node, monkeyp
 
     assert shown(lambda k: 3.0 * math.sin(0.005 * k)) == "somebody may hold the handle"
     assert shown(lambda k: -0.8) == "0.00, 0.00, -0.80 N"
+
+
+@pytest.mark.parametrize(
+    ("level", "share", "shown"), [(OK, 1.0, OK), (OK, 0.4, WARN), (ERROR, 0.4, ERROR)]
+)
+def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, share, shown):
+    node = make_node("manus")
+    drive = SimpleNamespace(state=lambda now_ns: SimpleNamespace(text="on"), counters={})
+    node._state, node._latency_p99, node.drives = PlanarState(), 0.0, (drive, drive)
+    node._plane = SimpleNamespace(homed=True, share=share, skipped=0)
+    node._slot = SimpleNamespace(refused="")
+    monkeypatch.setattr(node, "port_values", lambda skipped: {})
+    monkeypatch.setattr(node, "drive_health", lambda values, state: Health(level, "", values))
+    health = node.health()
+    assert health.level == shown
+    assert ("40 % of feedback" in health.message) == (shown == WARN)
+    assert health.values["force gain [%]"] == f"{100.0 * share:.0f}"
