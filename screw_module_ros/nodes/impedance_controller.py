@@ -210,12 +210,12 @@ class ImpedanceControllerNode(Node):
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the law cannot run with these parameters, or goes beyond the certificate.
 
-        Before it is configured nothing is refused: to configure is.
+        Before it is configured there is none: `connect` loads it, and compares the law with it.
         """
-        if not self.configured:
-            return ""
         law = self.parameters.read(VerticalSettings, changes=changes)
         mode = self.parameters.read(ControllerSettings, changes=changes).mode
+        if not self.configured:
+            return law.refusal(mode)
         if self._may_act and mode != self.part.mode and EXCITATION in (mode, self.part.mode):
             return _NOT_NOW
         return self._problem(law, mode)

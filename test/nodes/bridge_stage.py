@@ -19,8 +19,8 @@ from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
-from screw_module_ros.trials.patient import Hand, Person, SimulatedPlayer
-from screw_module_ros.trials.runner import GraphRun
+from screw_module_ros.trials.patient import Person, SimulatedPlayer
+from screw_module_ros.trials.runner import Console, GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
@@ -133,8 +133,7 @@ class Stage:
         robot.node.create_subscription(TherapyState, "therapy/state", self._hear, 50)
         robot.node.create_subscription(EndpointSetpoint, "setpoint", self.setpoints.append, 50)
         self.player = SimulatedPlayer(robot, QUICK)
-        self.hand = Hand(robot, QUICK.takes_hold())
-        make_ready(robot, self.hand)
+        self.hand = make_ready(robot, Console(quiet=True), QUICK)
         robot.wait_until(lambda: self.states, 10.0, "the session is silent")
         said = robot.said(BRIDGE)
         robot.wait_until(lambda: "http://" in robot.said(BRIDGE), 10.0, f"the bridge says: {said}")

@@ -11,8 +11,8 @@ from screw_module_msgs.msg import AssistanceChange, TherapyState, TrialResult
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.trials.patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
-from screw_module_ros.trials.runner import GraphRun
+from screw_module_ros.trials.patient import HEALTHY, PEOPLE, SimulatedPlayer
+from screw_module_ros.trials.runner import Console, GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 
@@ -61,7 +61,7 @@ def therapy_run(folder: Path, *extra: str) -> Iterator[tuple[Robot, Patient]]:
         )
         try:
             robot.wait_until_ready([*graph.names, "therapy_session"])
-            make_ready(robot, Hand(robot, PEOPLE[HEALTHY].takes_hold()))
+            make_ready(robot, Console(quiet=True), PEOPLE[HEALTHY])
             patient = Patient(robot)
             robot.wait_until(lambda: patient.states, 20.0, "the session is silent")
             yield robot, patient
