@@ -20,6 +20,11 @@ LONGEST_STEP = 0.02
 FARTHEST = 10.0  # [m], [rad]
 FASTEST = 100.0  # [m/s], [rad/s]
 STRONGEST = 1e5  # [N]
+STOPPED = 0.2
+"""Time constant with which what moved counts as what stands: there the help of a hand is bounded,
+as an obstacle that the transducer does not feel may hold it [s]."""
+DRIVING = 0.05
+"""Largest recent speed from which this bound is gone [m/s]."""
 
 
 class CommandLimits(NamedTuple):

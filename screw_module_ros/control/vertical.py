@@ -28,7 +28,17 @@ from typing import NamedTuple
 from ..filters import Lowpass, clear, derivative, envelope, smoothed, tune
 from .friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
 from .guard import OBSERVED, Guard, damper_force, forget, guard_step, leaky_gain, tune_guard
-from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
+from .limits import (
+    DRIVING,
+    LONGEST_STEP,
+    STOPPED,
+    STRONGEST,
+    clamp,
+    is_real,
+    limit_speed,
+    slew,
+    soft_stop,
+)
 from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
 from .observer import Observer, observe, remember, settle
 from .setpoint import Range, SetPoint, follow, hold_at
@@ -36,8 +46,6 @@ from .vertical_settings import CARRIED_HZ, VerticalSettings, least_damping
 
 HELD = 0.8  # [N] largest recent force from which a hand holds the handle
 FIRM = 1.0  # [N] of the hand from which the carried mass is in with all of its share
-STOPPED = 0.2  # [s] time constant with which a nut that moved counts as one that stands
-DRIVING = 0.05  # [m/s] largest recent speed from which nothing bounds what helps the hand
 NOTHING_HOLDS = 200.0  # [N] more than all parts together
 LOADED = 0.2  # of the force on the hand: more friction of a screw under load, at most
 
