@@ -295,8 +295,14 @@ def test_the_form_shows_the_session_that_runs(serving, open_page):
     given = serving()
     given.state = {"state": RUNNING, "protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2,
                    "trials": 9, "phase": 3}  # fmt: skip
+    runs, given.state = given.state, {}
     page = open_page(given, "therapist")
+    given.until_text(page, "The robot is ready")
+    page.get_by_role("button", name="Start").click()
+    given.until_text(page, "A pseudonym like P-7K3QX is wanted")
+    given.state = runs
     given.until_text(page, "movement 2 of 9")
+    assert "is wanted" not in page.inner_text(".session")
     field, protocol = page.get_by_label("Pseudonym of the patient"), page.get_by_label("Protocol")
     assert (field.input_value(), protocol.last.input_value()) == ("P-ABCDE", "reach_3d")
     assert field.is_disabled() and protocol.last.is_disabled()

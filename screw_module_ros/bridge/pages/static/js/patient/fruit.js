@@ -18,6 +18,7 @@ const ROOM = [[-0.13, 0.13], [-0.1, 0.13], [0.07, 0.29]]; // where fruit grows [
 const LEAVES = "#8fc9b1";
 const FLIGHT = 0.8; // of a fruit into the basket [s]
 const LEAD = 0.05; // how far ahead of the hand the wish pulls [m]
+const BASKET = { portrait: 0.8, landscape: 0.9 }; // its place, of the height: above the buttons
 
 export class FruitGame {
   constructor(random = Math.random) {
@@ -152,14 +153,14 @@ export class FruitGame {
     const share = this.isStill ? 0 : Math.min(age / FLIGHT, 1);
     const ease = share * share * (3 - 2 * share);
     const x = start.x + (0.1 * width - start.x) * ease;
-    const y = start.y + (0.84 * height - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
+    const y = start.y + (basketHeight(width, height) - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
     if (!this.isStill) drawFruit(ctx, kind, x, y, 0.028 * start.scale * (1 - 0.5 * share));
     text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * (1 + ease), 0.06 * height, INK, "center", 800);
   }
 
   drawScore(ctx, width, height) {
     const size = Math.min(0.06 * height, 0.07 * width);
-    const [x, y] = [Math.max(0.1 * width, 2 * size), (width < height ? 0.84 : 0.9) * height]; // not below buttons
+    const [x, y] = [Math.max(0.1 * width, 2 * size), basketHeight(width, height)];
     this.gathered.forEach((kind, i) =>
       drawFruit(ctx, kind, x + (i % 4 - 1.5) * 0.75 * size, y - (0.75 + 0.6 * Math.floor(i / 4)) * size, 0.42 * size));
     ctx.fillStyle = "#8a5a2b";
@@ -177,6 +178,10 @@ export class FruitGame {
     const fitting = (0.94 * width) / (0.62 * words.length); // a letter is 0.62 of its size wide
     text(ctx, words, 0.5 * width, 0.85 * size, Math.min(size, fitting), INK);
   }
+}
+
+function basketHeight(width, height) {
+  return (width < height ? BASKET.portrait : BASKET.landscape) * height;
 }
 
 // The fruit: each kind has a colour and a shape of its own.

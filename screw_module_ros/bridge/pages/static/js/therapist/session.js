@@ -104,6 +104,7 @@ export class SessionCard {
   show(state, isStopped = false) {
     const now = state?.state;
     const isOn = isUnderWay(state);
+    if (isOn && !this.isOn && this.told.textContent === PAGE.wanted) this.tell(""); // another page's
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
