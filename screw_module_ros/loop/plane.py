@@ -137,9 +137,9 @@ class Plane:
     """Both joints, their drives and the law; `step` is one tick.
 
     settings: of the law, may be replaced at any time. joints: both, motions: theirs. permit: the
-    gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. output:
-    of the law in the last tick, None without positions. written: torques of the last tick [Nm].
-    meter: latency from the tick to the torques. skipped: ticks that an overrun skipped.
+    gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. state:
+    memory of the law, output: of the law in the last tick, None without positions. written: torques
+    of the last tick [Nm]. meter: latency from the tick to the torques. skipped: ticks that an overrun skipped.
     """
 
     def __init__(
@@ -199,7 +199,7 @@ class Plane:
         self.meter = DeadlineMeter(self._period_ns)
         self.skipped = 0
         self._ticker = Ticker(self._clock, self._period_ns)
-        self._law = initial_state(self.settings)
+        self.state = initial_state(self.settings)
         self._acted = Age(_FRESH_NS)
         self._forces = Stream("force sensor", self._period_ns, self.permit.fault, numbered=False)
         self._force_age = Age(_FORCE_PERIODS * self._period_ns, self._period_ns)
@@ -318,7 +318,7 @@ class Plane:
             *self._guidance(now_ns, elapsed_ns * 1e-9),
             *self._hand,
         )
-        self.output = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
+        self.output = planar_step(self.settings, self.state, inp, elapsed_ns * 1e-9)
         self._write(now_ns)
 
     def idle(self, now_ns: int) -> None:
@@ -330,7 +330,7 @@ class Plane:
         if self.permit.enabled and silent_ns > self._joint_settings.silence * self._period_ns:
             self.permit.fault.set(f"no position for {silent_ns * 1e-6:.0f} ms")
         self.output = None
-        self._law = initial_state(self.settings)
+        self.state = initial_state(self.settings)
         self._write(now_ns)
 
     def _measure(self, periods: int) -> None:

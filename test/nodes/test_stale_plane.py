@@ -8,6 +8,7 @@ import math
 import pytest
 from screw_module_msgs.msg import EndpointState, PlanarState
 
+from screw_module_ros.control.planar_settings import least_damping
 from screw_module_ros.nodes.endpoint_state import _fill_plane, planar_joints
 from screw_module_ros.nodes.support.states import fill_plane
 from screw_module_ros.plant.world import ArmSettings
@@ -89,3 +90,17 @@ def test_a_velocity_is_good_for_20_ms_alone(bench):
     _fill_plane(message, plane)
     assert message.position.x == pytest.approx(plane.position[0] + 0.02)
     assert message.position.y == pytest.approx(plane.position[1] - 0.02)
+
+
+def test_the_damping_shown_is_the_one_in_use(bench):
+    """A force gain needs more than the setting, else a released handle swings."""
+    plane = PlanarState()
+    fill_plane(plane, bench.plane, bench.now_ns)
+    assert plane.damping == bench.plane.settings.damping
+    bench.plane.settings = bench.plane.settings._replace(damping=2.0, force_gain=9.0)
+    assert bench.enable_plane() == ""
+    bench.seconds(3.0)
+    fill_plane(plane, bench.plane, bench.now_ns)
+    settings = bench.plane.settings
+    assert plane.damping == pytest.approx(least_damping(settings, settings.stiffness, 9.0))
+    assert plane.damping > settings.damping

@@ -124,7 +124,7 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     if not plane.measures(now_ns):
         message.position = message.velocity = _UNKNOWN
         message.joint_position = message.joint_velocity = _UNKNOWN
-    message.stiffness, message.damping = plane.settings.stiffness, plane.settings.damping
+    message.stiffness, message.damping = plane.state.stiffness, plane.state.damping
     message.samples = plane.meter.samples
     _fill_counts(message, plane.meter, now_ns)
 
