@@ -17,7 +17,7 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from ..control.modes import uses_feedback, uses_observer
+from ..control.modes import FORCE_GAINS
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, SettingError, fields, problem
 from ..settings_file import read_file, read_text
@@ -139,8 +139,7 @@ class Certificate(NamedTuple):
 
         rate: of the controller [Hz].
         """
-        used = {FEEDBACK: uses_feedback(mode), OBSERVED: uses_observer(mode)}
-        for name in (name for name in Gains._fields if used[name]):
+        for name in (name for name, uses in FORCE_GAINS.items() if uses(mode)):
             beyond = self.conditions.departure(name, settings, rate) or self._excess(name, settings)
             if beyond:
                 asked, limit = beyond

@@ -42,3 +42,15 @@ def uses_feedback(mode: int) -> bool:
 def uses_observer(mode: int) -> bool:
     """Return whether the mode estimates friction and cancels it."""
     return mode == OBSERVER
+
+
+FORCE_GAINS = {"force_gain": uses_feedback, "observer_gain": uses_observer}
+"""Settings of the law with which it feeds the handle's force back -> whether a mode does.
+
+A mode with one of them needs a force sample, and its gain is one of the certificate's.
+"""
+
+
+def uses_force(mode: int) -> bool:
+    """Return whether the mode feeds the handle's force back, by whatever law."""
+    return any(uses(mode) for uses in FORCE_GAINS.values())

@@ -56,6 +56,7 @@ class ForceSensor:
     FIRST, SECOND = ati.READ_GAUGES, ati.READ_GAUGES_SECOND
     SIZES = ati.GAUGES_FIRST.size, ati.GAUGES_SECOND.size
     SETTINGS: tuple[int, ...] = (ati.SET_CALIBRATION, ati.RESET)
+    SATURATED = ati.SATURATED
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
         self.settings = validated(settings)
@@ -259,7 +260,7 @@ class ForceSensor:
         if self._is_frozen(values):
             self.counters["frozen"] += 1
             return
-        if max(map(abs, values)) >= ati.SATURATED:
+        if max(map(abs, values)) >= self.SATURATED:
             self.counters["saturated"] += 1
             return
         if self._calibration_lost:

@@ -7,7 +7,7 @@ import math
 
 from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
-from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_feedback, uses_observer
+from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force
 from ..control.slot import SlotLimits
 from ..control.vertical import (
     VerticalInput,
@@ -208,7 +208,7 @@ class VerticalController:
 
     def _missing_force(self) -> str:
         """Return why the mode cannot run: it feeds back a force that was never measured."""
-        if self._checks.force_seen or not (uses_feedback(self.mode) or uses_observer(self.mode)):
+        if self._checks.force_seen or not uses_force(self.mode):
             return ""
         return (
             f"force sensor: no sample yet, and mode {MODE_NAMES[self.mode]} feeds its force back: "

@@ -139,7 +139,8 @@ class Plane:
     settings: of the law, may be replaced at any time. joints: both, motions: theirs. permit: the
     gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. state:
     memory of the law, output: of the law in the last tick, None without positions. written: torques
-    of the last tick [Nm]. meter: latency from the tick to the torques. skipped: ticks that an overrun skipped.
+    of the last tick [Nm]. meter: latency from the tick to the torques. skipped: ticks that an
+    overrun skipped.
     """
 
     def __init__(

@@ -23,13 +23,7 @@ from screw_module_ros.calibration.selection import (
 )
 from screw_module_ros.control.excitation import Excitation, from_numbers
 from screw_module_ros.control.guard import guarded
-from screw_module_ros.control.modes import (
-    ALL_NAMES,
-    EXCITATION,
-    OFF,
-    uses_feedback,
-    uses_observer,
-)
+from screw_module_ros.control.modes import ALL_NAMES, EXCITATION, OFF, uses_force
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -236,8 +230,7 @@ class ImpedanceControllerNode(Node):
         if certified.uncertified_gains:
             return law.refusal(mode)
         if self._certificate is None:
-            lively = uses_feedback(mode) or uses_observer(mode)
-            lacking = certified.certificate_required and lively
+            lacking = certified.certificate_required and uses_force(mode)
             return _UNCERTIFIED if lacking else law.refusal(mode)
         rate = self.parameters.read(RateSettings).rate
         return self._certificate.refusal(law, mode, rate) or law.refusal(mode)
