@@ -150,6 +150,7 @@ class Encoder(CanopenDevice):
             except DeviceError:
                 self._latch(before)
                 raise
+        self.poll_slow()  # an alarm that persists is told once: ask, as its register still has it
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ import math
 
 from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
-from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force
+from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force, uses_impedance
 from ..control.slot import SlotLimits
 from ..control.vertical import (
     VerticalInput,
@@ -98,7 +98,8 @@ class VerticalController:
         )
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
-        target, target_speed = self.wanted.at(now_ns, active)
+        # In mode OFF no spring pulls: a set point that nobody repeats is forgotten there too.
+        target, target_speed = self.wanted.at(now_ns, active and uses_impedance(self.mode))
         inp = VerticalInput(
             self.mode,
             sample.position,

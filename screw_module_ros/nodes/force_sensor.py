@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.devices import force_sensors
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.devices.tare import zero_error
 from screw_module_ros.loop.vertical import Parts, Wires
@@ -97,13 +98,18 @@ class ForceSensorNode(SensorNode):
         """
         device = self.device
         self._torque_off.check(_JUMPS)
-        if device.fault:
+        if cleared := bool(device.fault):
             device.clear_fault()
         readings = self._next_readings(device.settings.tare_samples)
         self._torque_off.check(_JUMPS)  # somebody may have enabled meanwhile
-        return self.part.requests.ask(
-            lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}"), self.clock
-        )
+        try:
+            return self.part.requests.ask(
+                lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}"), self.clock
+            )
+        except NotNow as error:
+            if cleared and not device.fault:
+                raise NotNow(f"the fault is cleared, but there is no new zero: {error}") from None
+            raise
 
     def _next_readings(self, count: int) -> list[ForceReading]:
         """Return the next `count` readings; fewer if they do not come in time."""

@@ -55,7 +55,7 @@ from .support.wire import pack_command
 _SAFETY_AGE_NS = 200_000_000
 _UNCERTIFIED = (
     "this mode feeds the handle's force back, and the module has no certificate: "
-    "run stability and delivered_impedance, or set uncertified_gains on your own word"
+    "set uncertified_gains on your own word, as it must be for the trials that measure one too"
 )
 _NO_LEASE = (
     "mode EXCITATION is a trial's, whose sender repeats its ExcitationRequest while the torque is "

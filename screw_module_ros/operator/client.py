@@ -49,7 +49,7 @@ _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # for the start of processes, independent of the robot's time
 _FRESH_NS = 300_000_000
 _STATE_S = 5.0
-_STATES = {
+STATES = {
     SafetyState: graph.SAFETY_STATE,
     ImpedanceState: graph.CONTROLLER_STATE,
     AmplifierState: graph.AMPLIFIER_STATE,
@@ -96,7 +96,7 @@ class Client:
         self._inbox = Inbox(self.node, self.clock)
         self._states = {
             kind: Newest(self._inbox.subscribe(kind, topic, topics.SAMPLE), _FRESH_NS)
-            for kind, topic in _STATES.items()
+            for kind, topic in STATES.items()
         }
         self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)
         # Its trigger ends a `spin_once`, in contrast to `Executor.wake`, whose caller sleeps again.
@@ -283,13 +283,13 @@ class Client:
         return f"; /diagnostics: {'; '.join(found)}" if found else ""
 
     def state(self, kind: type) -> Any:
-        """Return the newest message of a kind in `_STATES`, None when it is older than 0.3 s."""
+        """Return the newest message of a kind in `STATES`, None when it is older than 0.3 s."""
         return self._states[kind].fresh(self.clock.now_ns())
 
     def newest(self, kind: type, deadline_s: float = _STATE_S) -> Any:
         """Like `state`, but wait for one. Raises RobotError when none comes in time."""
         self.wait_until(
-            lambda: self.state(kind), deadline_s, f"nobody publishes {_STATES[kind]}"
+            lambda: self.state(kind), deadline_s, f"nobody publishes {STATES[kind]}"
         )
         return self._states[kind].message
 

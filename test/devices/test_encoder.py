@@ -444,6 +444,17 @@ def test_alarms_and_warnings_are_polled_by_name(wire, encoder, encoder_end):
     assert encoder.fault == "encoder alarm: position error, bit 12"
 
 
+def test_an_alarm_that_persists_is_not_cleared(wire, encoder, encoder_end):
+    """Its EMCY was sent once: who clears it must ask whether it has ended."""
+    encoder_end.objects[0x6503, 0] = b"\x01\x00"
+    encoder.poll_slow()
+    encoder.clear_fault()
+    assert encoder.fault == "encoder alarm: position error"
+    encoder_end.objects[0x6503, 0] = b"\x00\x00"
+    encoder.clear_fault()
+    assert encoder.fault == ""
+
+
 def test_encoder_without_alarm_objects_is_asked_once(wire, encoder, encoder_end):
     del encoder_end.objects[0x6503, 0]
     encoder.poll_slow()

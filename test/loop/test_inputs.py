@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from screw_module_ros.control.modes import OFF
 from screw_module_ros.loop.inputs import SetpointInput
 
 NONE = math.nan, math.nan
@@ -29,6 +30,21 @@ def test_what_is_left_of_a_set_point(age_ns, acts, position, velocity):
     assert given.at(1 + age_ns, acts) == pytest.approx(wanted, nan_ok=True)
     # What was forgotten does not come back with the torque.
     assert given.at(1 + age_ns, True) == pytest.approx(wanted, nan_ok=True)
+
+
+@pytest.mark.parametrize("pause_s", [0.2, 1.5])
+def test_in_mode_off_it_is_forgotten_though_the_drive_is_enabled(enabled, pause_s, monkeypatch):
+    """The patient is strapped in again in mode OFF: no spring pulls there either."""
+    controller, mode = enabled.controller, enabled.controller.mode
+    controller.wanted.ask((enabled.home + 0.1,), (0.0,), enabled.now_ns)
+    monkeypatch.setattr(controller.wanted, "ask", lambda *_: None)
+    enabled.seconds(0.1)
+    controller.mode = OFF
+    enabled.seconds(pause_s)
+    controller.mode = mode
+    enabled.seconds(1.0)
+    is_at_it = abs(controller.output.desired_position - enabled.home - 0.1) < 0.01
+    assert is_at_it == (pause_s < 1.0)
 
 
 @pytest.mark.parametrize("pause_s", [0.2, 1.5])

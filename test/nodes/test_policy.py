@@ -6,6 +6,7 @@ from __future__ import annotations
 from policy_profiles import CLOCK, NODES, policy
 
 from screw_module_ros.graph import BESIDE, COMPOSED
+from screw_module_ros.operator import client
 
 OTHERS = ["game", "operator"]
 
@@ -64,3 +65,12 @@ def test_who_asks_asks_what_is_offered():
         for profile in enclave.values():
             assert profile.request <= offered
             assert profile.call <= run
+
+
+def test_the_operator_may_do_what_the_client_does():
+    """`Robot` waits for each state, and sets all values of a call together or none."""
+    operator = policy()["operator"]["operator"]
+    assert {f"/{topic}" for topic in client.STATES.values()} <= operator.subscribe
+    set_one_by_one = {name for name in operator.request if name.endswith("/set_parameters")}
+    assert set_one_by_one
+    assert {f"{name}_atomically" for name in set_one_by_one} <= operator.request

@@ -218,7 +218,7 @@ class Kept:
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # No fsync: it may take longer than the timeout of safety_state. After a power failure
-        # a truncated file is unreadable, and `read` reports that.
+        # a truncated file is unreadable, and `read` reports that; the newest values may be gone.
         beside = self.path.with_suffix(".tmp")
         beside.write_text(json.dumps(values), "utf-8")
         beside.replace(self.path)
