@@ -7,7 +7,7 @@ import math
 
 from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
-from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force, uses_impedance
+from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force
 from ..control.slot import SlotLimits
 from ..control.vertical import (
     VerticalInput,
@@ -25,6 +25,7 @@ from .inputs import Guide, Lease, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
+_NO_SPRING = (OFF, EXCITATION)
 LAPSED = "excitation: its sender has fallen silent, and with it the trial ends"
 NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
@@ -98,8 +99,9 @@ class VerticalController:
         )
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
-        # In mode OFF no spring pulls: a set point that nobody repeats is forgotten there too.
-        target, target_speed = self.wanted.at(now_ns, active and uses_impedance(self.mode))
+        # Where no spring pulls, a set point that nobody repeats is forgotten too.
+        pulls = active and self.mode not in _NO_SPRING
+        target, target_speed = self.wanted.at(now_ns, pulls)
         inp = VerticalInput(
             self.mode,
             sample.position,

@@ -92,3 +92,10 @@ def test_the_ratio_of_found_to_modelled_friction_starts_at_one():
     memory = Presliding(modelled=10.0)
     compare_step(memory, 5.0, 0.2, 0.1 * FALL_TIME)
     assert memory.ratio == pytest.approx(1.0 - 0.5 * 0.1)
+
+
+def test_a_force_that_is_too_large_only_above_the_break_is_found():
+    """There the power of the speed ends, and a line begins that falls to the fastest speed."""
+    up = MODEL.up._replace(high_offset=100.0, high_slope=-99.9 / MODEL.fastest_mm_s)
+    assert MODEL.flaw() == ""
+    assert "up" in MODEL._replace(up=up).flaw()

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from screw_module_ros.control.limits import (
     TorqueLimits,
     clamp,
+    is_real,
     limit_speed,
     limit_torque,
     slew,
@@ -21,6 +22,15 @@ ZONE = {"low": 0.0, "high": 0.36, "zone": 0.01, "stiffness": 2000.0}
 SPEED = {"speed_limit": 0.6, "speed_band": 0.2, "damping": 50.0}
 LIMITS = TorqueLimits()
 wild_torques = st.one_of(st.floats(-5.0, 5.0), st.sampled_from([math.nan, math.inf, -math.inf]))
+
+
+@pytest.mark.parametrize(
+    ("sample", "real"),
+    [((10.0, 100.0, 1e5), True), ((-10.0, -100.0, -1e5), True), ((10.1, 0.0, 0.0), False),
+     ((0.0, -101.0, 0.0), False), ((0.0, 0.0, 1.01e5), False), ((0.0, 0.0, math.nan), False)],
+)  # fmt: skip
+def test_what_no_axis_of_this_robot_can_measure_is_not_real(sample, real):
+    assert is_real(*sample) is real
 
 
 @given(st.floats(), st.floats(-50.0, 0.0), st.floats(0.0, 50.0))

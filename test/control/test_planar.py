@@ -187,6 +187,7 @@ def test_a_measurement_that_cannot_be_gives_zero(field, value):
     _, state = run(inp)
     output = planar_step(SETTINGS, state, inp._replace(**{field: value}), DT)
     assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
+    assert (output.vx, output.vy) == (0.0, 0.0), "nothing is known of the motion"
     assert all(math.isfinite(value) for value in output)
 
 

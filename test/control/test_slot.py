@@ -233,6 +233,8 @@ def test_in_one_dimension_the_same_slot_serves():
 @given(st.tuples(metres, metres, metres), st.tuples(metres, metres, metres), st.floats(0.0, 1.4))
 def test_both_walls_of_a_reach_in_space_are_on_its_line(start, target, since):
     plane, vertical = in_space(start, target, LINE)
+    assert plane[:4] == (*start[:2], *target[:2])
+    assert vertical[:4] == (start[2], 0.0, target[2], 0.0)
     assume(length_of(plane) > 0.01 and length_of(vertical) > 0.01)
     share = wall_position(plane, since) / length_of(plane)
     assert wall_position(vertical, since) == pytest.approx(share * length_of(vertical), abs=1e-12)
@@ -241,6 +243,19 @@ def test_both_walls_of_a_reach_in_space_are_on_its_line(start, target, since):
     assert height == pytest.approx(
         math.copysign(min(45.0, 100.0 * wall_position(vertical, since)), target[2] - start[2])
     )
+
+
+def test_what_is_no_slot_is_never_sound():
+    assert sound(LINE)
+    for field, value in (("duration", 0.0), ("duration", math.inf), ("start_x", 10.1),
+                         ("back_stiffness", -1.0), ("end_half_width", 0.06)):  # fmt: skip
+        assert not sound(LINE._replace(**{field: value})), field
+
+
+def test_the_first_slot_fades_in_from_nothing():
+    output, _ = slot_step(LIMITS, initial_state(), at(0.0, -0.05, LINE, since=1.0), DT)
+    assert 0.0 < output.weight < 0.1
+    assert 0.0 < math.hypot(output.force_x, output.force_y) < 0.01, "wall and slot fade in, both"
 
 
 def test_refusals_name_the_field():

@@ -5,7 +5,11 @@ from __future__ import annotations
 
 import pytest
 
+from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
 
 MS = 1_000_000
@@ -57,6 +61,36 @@ def test_no_force_before_the_drive_has_said_that_it_gives_torque(enabled):
     controller.wanted.ask((enabled.home + 0.05,), (0.0,), later.monotonic_ns)
     output = controller.on_encoder(later, later.monotonic_ns)
     assert (controller.reason, output.force) == ("", 0.0)
+
+
+def test_its_silence_clears_no_fault_of_the_operation(enabled):
+    """A fault while torque passed stays until a reset, whatever the drive does then."""
+    controller, now_ns = enabled.controller, enabled.now_ns
+    controller.set_fault("a fault in operation")
+    controller.on_drive(False, 0.0, now_ns)
+    controller.end_tick(now_ns + 201_000_000)
+    assert controller.reason == "a fault in operation"
+
+
+def test_its_silence_ends_a_fault_from_before_the_torque(bench):
+    controller, now_ns = bench.controller, bench.now_ns
+    controller.on_drive(False, 0.0, now_ns)
+    controller.set_fault("a fault at rest")
+    controller.end_tick(now_ns + 201_000_000)
+    assert controller.reason != "a fault at rest"
+
+
+def test_a_silent_plane_shows_the_whole_gain(bench):
+    bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
+    bench.ticks(10)
+    assert (bench.plane.output, bench.plane.share) == (None, 1.0)
+
+
+def test_a_controller_that_has_heard_nothing_commands_nothing():
+    controller = VerticalController(
+        VerticalSettings(), thesis_friction(), WatchSettings(), AgreementSettings(), PERIOD_NS
+    )
+    assert not controller.may_act
 
 
 def test_a_controller_without_an_amplifier_waits_without_a_fault(bench):

@@ -41,10 +41,19 @@ def test_a_wall_goes_by_the_start_tick():
 
 def test_a_slot_that_cannot_be_is_refused_and_none_is_left():
     guide = Guide(LIMITS)
-    guide.ask(LINE, 0, 0)
+    guide.ask(LINE, 0, MS)
+    assert not guide.free
     with pytest.raises(ValueError, match="duration"):
-        guide.ask(LINE._replace(duration=math.nan), 0, 0)
-    assert guide.guidance(0.03, 0.0, 0.0, 0.0, MS, DT).weight == 0.0
+        guide.ask(LINE._replace(duration=math.nan), 0, MS)
+    assert guide.free
+    assert guide.guidance(0.03, 0.0, 0.0, 0.0, 2 * MS, DT).weight == 0.0
+
+
+def test_no_slot_ends_the_one_there_is():
+    guide = Guide(LIMITS)
+    guide.ask(LINE, 0, MS)
+    guide.ask(None, 0, MS)
+    assert guide.free
 
 
 def planar_input(x, y, setpoint, slot=(0.0, 0.0, 0.0)):

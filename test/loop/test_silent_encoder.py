@@ -16,6 +16,14 @@ def test_the_force_sensor_is_read_while_the_encoder_is_silent(bench):
     assert bench.force_sensor.counters["received"] - before >= 48
 
 
+def test_two_silent_sensors_hold_no_tick_up(bench):
+    for device in ("encoder", "force_sensor"):
+        bench.rig.inject(device, "mute", 0.0, 0.0, bench.now_ns)
+    before = bench.now_ns
+    bench.ticks(50)
+    assert bench.now_ns - before == 50 * PERIOD_NS
+
+
 @pytest.mark.parametrize("lost", [1, 2, 3])
 def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
     """A lost answer costs two more ticks, in which a late one would show (`devices/polled.py`)."""
