@@ -322,7 +322,9 @@ class Bench:
     def _asking(self, ask: Callable[[Clock], str]) -> str:
         """Run a service in a thread while the loop ticks, as in the node."""
         answer: list[str] = []
-        thread = threading.Thread(target=lambda: self.clock.end(answer, ask(self.clock)))
+        thread = threading.Thread(
+            target=lambda: self.clock.end(answer, ask(self.clock)), daemon=True
+        )  # a failing test must end
         thread.start()
         self.clock.settle(answer)
         while not answer:
