@@ -325,6 +325,8 @@ class Bench:
         thread = threading.Thread(
             target=lambda: self.clock.end(answer, ask(self.clock)), daemon=True
         )  # a failing test must end
+        for port in self.ports.values():
+            port.pump()  # as loops do that tick: else the thread reads itself, and they wait for it
         thread.start()
         self.clock.settle(answer)
         while not answer:
