@@ -45,6 +45,7 @@ class EncoderReading(NamedTuple):
     position: nut height above the bottom of travel, up positive [m].
     velocity: backward difference of position after the encoder's `velocity_cutoff` filter [m/s].
     homed: position is absolute.
+    homings: how many there were; with another number position has another origin.
     """
 
     sequence: int
@@ -54,6 +55,7 @@ class EncoderReading(NamedTuple):
     position: float
     velocity: float
     homed: bool
+    homings: int = 0
 
 
 class ForceReading(NamedTuple):

@@ -63,6 +63,7 @@ class Encoder(CanopenDevice):
         self._unwrapper = Unwrapper(FULL_RANGE)
         self._longest_gap_ns = math.inf
         self._rehoming = Rehoming(settings.home_shift)
+        self._homings = 0
         self._last: EncoderReading | None = None
         self._sampled_ns = 0
         self._stamp_offset_ns = 0
@@ -207,8 +208,9 @@ class Encoder(CanopenDevice):
             self._rehoming.forget()
         motion.take(count * self._metres, elapsed_ns)
         return EncoderReading(
-            sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed
-        )
+            sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed,
+            self._homings,
+        )  # fmt: skip
 
     # -- homing, slow polls ----------------------------------------------------------------------
 
@@ -237,6 +239,7 @@ class Encoder(CanopenDevice):
                 self._motion.homed = False
                 raise NotNow(refused)
         self._motion.home(settings.home_position)
+        self._homings += 1
         return settings.home_position
 
     def poll_slow(self) -> None:

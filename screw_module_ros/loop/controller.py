@@ -90,7 +90,7 @@ class VerticalController:
             self._keep_fault()
             return None
         last, self.answered = self.answered, sample
-        if last is not None and sample.homed != last.homed:
+        if last is not None and sample.homings != last.homings:
             self._agreement.restart()
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
         self._check(now_ns)
@@ -153,7 +153,7 @@ class VerticalController:
         if last := self.answered:
             apart = self._agreement.check(last.position, position, last.velocity, now_ns)
             if enabled:
-                self.fault.set(apart)
+                self._checks.doubt_home(apart)
             elif apart:
                 self._agreement.restart()
         self._enabled = enabled
@@ -197,7 +197,10 @@ class VerticalController:
         return self.output
 
     def reset(self, now_ns: int) -> None:
-        """Clear a latched fault; it returns at once while its cause persists."""
+        """Clear a latched fault; it returns at once while its cause persists.
+
+        After a jump or a disagreement the force stays at zero until the next homing.
+        """
         self._must_reset = False
         self._agreement.restart()
         self._checks.reset(now_ns)

@@ -22,6 +22,8 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
+from screw_module_ros.safety.checks import HOME_AGAIN
+
 from .client import RobotError
 from .robot import Robot
 
@@ -74,11 +76,16 @@ class Seen(NamedTuple):
 
     @property
     def homed(self) -> bool:
-        """Whether the encoder is homed, and its position within the travel."""
+        """Whether the encoder is homed, its position within the travel and not in doubt.
+
+        A latched fault hides whether a homing has come since: it is reset first.
+        """
+        told = self.controller
         return (
             self.encoder is not None
             and self.encoder.homed
             and abs(self.encoder.position - _MIDDLE) < _MIDDLE + _BEYOND
+            and not (told and not told.faulted and HOME_AGAIN in told.reason)
         )
 
 

@@ -24,6 +24,7 @@ from .latch import Latch
 
 LARGEST_COMMAND = 150.0
 """Largest force command of any controller of this robot [N]."""
+HOME_AGAIN = "bring the nut to its mark and call encoder/home"
 _COUNT = 1e-6  # [m], a little more than the resolution of the encoder
 # A leaky bucket: every sample fills it, accepted or not, and time empties it a little faster than a
 # single sender can fill it. If it holds more than a burst of late samples, another sender exists,
@@ -142,13 +143,16 @@ class Motion:
     """What `encoder_problem` remembers of the samples before.
 
     monotonic_ns, position [m]: of the last one, None after a reset; speed: between the last two
-    [m/s]; homed: the last one was.
+    [m/s]; homed, homings: of the last one. doubt: why its home cannot be trusted, until the next
+    homing.
     """
 
     monotonic_ns: int | None = None
     position: float = 0.0
     speed: float | None = None
     homed: bool = False
+    homings: int = 0
+    doubt: str = ""
 
     def restart(self) -> None:
         """Expect nothing of the next sample's place: after a reset, and after a homing."""
@@ -165,8 +169,9 @@ def encoder_problem(
     if not is_measured(sample):
         return "encoder: position or velocity is not a finite number"
     lost = motion.homed and not sample.homed
-    if sample.homed and not motion.homed:
+    if sample.homings != motion.homings:
         motion.restart()  # homing moves the origin
+        motion.homings, motion.doubt = sample.homings, ""
     motion.homed = sample.homed
     jump = _jump(bounds, motion, sample, period_ns)
     if lost:
@@ -200,7 +205,10 @@ def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderReading, period_
     if abs(motion.speed - before) <= change + 2.0 * _COUNT / elapsed:
         return ""
     jump = (motion.speed - before) * elapsed * 1e3
-    return f"encoder: jumped by {jump:.4g} mm, more than any motor can move it"
+    motion.doubt = (
+        f"encoder: jumped by {jump:.4g} mm, more than any motor can move it; {HOME_AGAIN}"
+    )
+    return motion.doubt
 
 
 def force_problem(sample: ForceReading, size: float, largest: float) -> str:
@@ -288,7 +296,13 @@ class VerticalChecks:
         self._encoder.check_age(now_ns, self._stale_ns)
         if required or self._force.seen:
             self._force.check_age(now_ns, self._stale_ns)
-        return self.fault.reason or ("" if self._motion.homed else "encoder: not homed")
+        motion = self._motion
+        return self.fault.reason or (motion.doubt if motion.homed else "encoder: not homed")
+
+    def doubt_home(self, why: str) -> None:
+        """Latch a reason (empty: none) that a homing must follow; no `reset` replaces it."""
+        self._motion.doubt = self._motion.doubt or why
+        self.fault.set(why)
 
     def reset(self, now_ns: int) -> str:
         """Clear the latched fault; return why the force still stays at zero.
@@ -338,9 +352,8 @@ class Agreement:
             self._apart_since_ns = now_ns
         if now_ns - self._apart_since_ns < self._settings.duration * 1e9:
             return ""
-        return f"encoder and drive disagree by {difference * 1e3:.1f} mm" + self._cause(
-            moved, drive_moved
-        )
+        cause = self._cause(moved, drive_moved)
+        return f"encoder and drive disagree by {difference * 1e3:.1f} mm{cause}; {HOME_AGAIN}"
 
     def _cause(self, encoder: float, drive: float) -> str:
         """Return the parameter that explains why two real travels [m] differ."""

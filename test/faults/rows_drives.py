@@ -12,6 +12,7 @@ from row import (
     DYING,
     ENABLE,
     HEARTBEAT,
+    HOME,
     PLANE_BACK,
     RESET,
     SLOW,
@@ -86,7 +87,7 @@ def _vertical(name: str, text: str = "") -> Row:
         return row
     return row._replace(
         inject=frozen("drive", name) if name == "position_freeze" else inject,
-        report=Report("impedance_controller", "disagree", "disagree"), services=STOPPED,
+        report=Report("impedance_controller", "disagree", "disagree"), services=(HOME, *STOPPED),
         noticed_by="impedance_controller",
     )  # fmt: skip
 

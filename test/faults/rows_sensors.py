@@ -42,10 +42,10 @@ def _by_driver(node: str, said: str) -> Report:
 
 # fault of the rig, value, in words, outcome, noticed within, report, services of the operator
 _ENCODER_FAULTS = (
-    ("freeze", 0, "position stands still", OFF, APART, _ENCODER, MISSED),
+    ("freeze", 0, "position stands still", OFF, APART, _ENCODER, _UNHOMED),
     ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
     ("jump", 5e3, "position jumps by a quarter turn", OFF, SLOW, _ENCODER, _UNHOMED),
-    ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, MISSED),
+    ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, ()),
     ("noise", 1e5, "position is noisy by 95 mm", OFF, AT_ONCE, _ENCODER, _UNHOMED),
     ("index_lost", 0, "index pulse lost (alarm, EMCY 7305)", OFF, SILENT,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.geometry import COUNTS_PER_TURN, SCREW
+from screw_module_ros.safety.checks import HOME_AGAIN
 
 
 def slip(bench, metres: float) -> None:
@@ -40,6 +41,34 @@ def test_slips_add_up_over_enablings(bench):
     assert reasons[:2] == ["", ""]
     assert reasons[2].startswith("encoder and drive disagree by -2.1 mm")
     assert bench.rows[-1].force == 0.0
+
+
+@pytest.mark.parametrize("device", ["encoder", "drive"])
+def test_after_a_slip_a_homing_is_needed_at_any_time_before_the_force(bench, device):
+    """The controller cannot tell which of the two is right: the stops may be shifted by the slip.
+
+    Homing at the same place is a homing too: it may be the drive that slipped.
+    """
+    bench.controller.mode = 1
+    assert bench.enable() == ""
+    bench.seconds(0.1)
+    counts = round(0.01 / SCREW.lead * COUNTS_PER_TURN)
+    assert bench.rig.inject(device, f"{'position_' * (device == 'drive')}jump", counts, 0.0,
+                            bench.now_ns)  # fmt: skip
+    bench.seconds(0.1)
+    bench.rig.inject(device, "clear", 0.0, 0.0, bench.now_ns)
+    assert bench.disable() == ""
+    for _ in range(2):
+        bench.seconds(0.1)
+        bench.controller.reset(bench.now_ns)
+        assert HOME_AGAIN in bench.controller.reason and not bench.controller.faulted
+    bench.encoder.settings = bench.encoder.settings._replace(home_position=bench.rows[-1].position)
+    bench.encoder.home()
+    bench.ticks(12)
+    assert bench.controller.reason == ""
+    assert bench.enable() == ""
+    bench.seconds(1.0)
+    assert bench.torque_passes and bench.rows[-1].force != 0.0
 
 
 def test_slips_one_way_and_the_other_do_not(bench):

@@ -29,7 +29,7 @@ number = st.floats(allow_nan=False, width=64)
 stamp_ns = st.integers(0, (2**31 - 1) * S)
 encoders = st.builds(
     EncoderReading, u32, i64, stamp_ns, st.integers(-(2**31), 2**31 - 1), number, number,
-    st.booleans(),
+    st.booleans(), u32,
 )  # fmt: skip
 forces = st.builds(ForceReading, u32, i64, stamp_ns, *[number] * 6, st.integers(0, 2**16 - 1))
 

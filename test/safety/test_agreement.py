@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from screw_module_ros.safety.checks import Agreement, AgreementSettings
+from screw_module_ros.safety.checks import HOME_AGAIN, Agreement, AgreementSettings
 
 STEP_NS = 10_000_000
 
@@ -31,7 +31,8 @@ def test_the_same_motion_agrees_whatever_the_offset():
 def test_tolerance_skew_and_patience_at_their_edges(velocity, allowed, sign):
     for difference, reason in (
         (allowed - 1e-6, ""),
-        (allowed + 1e-6, f"encoder and drive disagree by {sign * allowed * 1e3:.1f} mm"),
+        (allowed + 1e-6,
+         f"encoder and drive disagree by {sign * allowed * 1e3:.1f} mm; {HOME_AGAIN}"),
     ):
         agreement = Agreement(AgreementSettings())
         assert agreement.check(0.0, 0.0, velocity, 0) == ""
@@ -62,7 +63,8 @@ def test_two_travels_that_differ_name_the_parameter(encoder, drive, cause):
 def test_a_frozen_encoder_is_noticed():
     step, reason = run([(0.1, 0.1 + 0.0009 * k, 0.0) for k in range(50)])
     assert step == 8  # more than 2 mm after three steps, and 50 ms of patience
-    assert reason.endswith("disagree by -7.2 mm"), "nothing moved that could be compared"
+    # No cause is named: nothing moved that could be compared.
+    assert reason.endswith(f"disagree by -7.2 mm; {HOME_AGAIN}")
 
 
 def test_a_single_disagreement_is_tolerated():

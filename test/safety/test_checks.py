@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from screw_module_ros.safety.checks import Stream, VerticalChecks, WatchSettings
+from screw_module_ros.safety.checks import HOME_AGAIN, Stream, VerticalChecks, WatchSettings
 from screw_module_ros.safety.latch import Latch
 from screw_module_ros.samples import (
     FORCE_FAULT_MASK,
@@ -18,9 +18,9 @@ PERIOD_NS = 1_000_000
 LATER_NS = 200_000  # when samples are seen, after their acquisition
 
 
-def encoder(tick, position=0.18, velocity=0.0, homed=True, stamp_ns=None):
+def encoder(tick, position=0.18, velocity=0.0, homed=True, stamp_ns=None, homings=0):
     stamp_ns = tick * PERIOD_NS if stamp_ns is None else stamp_ns
-    return EncoderReading(tick, stamp_ns, 0, 0, position, velocity, homed)
+    return EncoderReading(tick, stamp_ns, 0, 0, position, velocity, homed, homings)
 
 
 def force(tick, fz=0.0, status=0, fx=0.0, tx=0.0, stamp_ns=None):
@@ -39,10 +39,11 @@ class Bench:
     def now_ns(self):
         return self.tick * PERIOD_NS + LATER_NS
 
-    def step(self, position=0.18, velocity=0.0, homed=True, fz=0.0, status=0):
+    def step(self, position=0.18, velocity=0.0, homed=True, fz=0.0, status=0, homings=0):
         self.tick += 1
         self.watch.force(force(self.tick, fz, status), self.now_ns)
-        self.watch.encoder(encoder(self.tick, position, velocity, homed), self.now_ns)
+        sample = encoder(self.tick, position, velocity, homed, homings=homings)
+        self.watch.encoder(sample, self.now_ns)
         return self.watch.check(self.now_ns)
 
 
@@ -92,7 +93,8 @@ def test_not_homed_is_waited_for_and_homing_is_no_jump():
     bench = Bench()
     for _ in range(3):
         assert bench.step(position=0.0, homed=False) == "encoder: not homed"
-    assert bench.step(position=0.2, homed=True) == ""
+    assert bench.step(position=0.2, homed=True, homings=1) == ""
+    assert bench.step(position=0.1, homed=True, homings=2) == ""
 
 
 def test_a_lost_home_is_a_fault(bench):
@@ -203,10 +205,28 @@ def test_a_jump_is_more_than_any_motor_can_make(elapsed_ns, allowed, sign):
 
 
 def test_after_a_reset_nothing_is_expected_of_the_next_place(bench):
-    bench.step(position=0.19)
+    bench.step(velocity=1.1)
     assert bench.watch.reset(bench.now_ns) == ""
     assert bench.step(position=0.17) == ""
     assert bench.step(position=0.17) == ""
+
+
+def test_after_a_jump_a_homing_is_needed_and_no_reset_replaces_it(bench):
+    """Soft stops and targets would be shifted by the jump."""
+    bench.step(position=0.19)
+    for _ in range(2):
+        reason = bench.watch.reset(bench.now_ns)
+        assert "jumped by 10 mm" in reason and HOME_AGAIN in reason
+        assert bench.watch.fault.reason == ""
+        assert bench.step(position=0.19) == reason
+    assert bench.step(position=0.18, homings=1) == ""
+    assert bench.step(position=0.18, homings=1) == ""
+
+
+def test_a_jump_is_not_forgotten_behind_a_reason_of_more_weight(bench):
+    bench.step(position=0.30, velocity=19.0)
+    assert "faster" in bench.watch.fault.reason
+    assert "jumped by 120 mm" in bench.watch.reset(bench.now_ns)
 
 
 @pytest.mark.parametrize(("stamp_ns", "wrong"), [(105_000_000, ""), (105_000_001, "gap of 5.0 ms")])

@@ -23,7 +23,7 @@ _LATEST = 2**31 - 1  # [s] that a stamp can hold: 19 January 2038
 _HALF_COUNT, _COUNT_MASK = 0x80000000, 0xFFFFFFFF
 _HEAD = b"\x00\x01\x00\x00"
 _HEAD_SIZE = len(_HEAD)
-_ENCODER = struct.Struct("<4siII4xqi4xdd?3x")
+_ENCODER = struct.Struct("<4siII4xqi4xdd?3xI")
 _FORCE = struct.Struct("<4siII4xqddddddH2x")
 _COMMAND = struct.Struct("<4siII4xqdB7xdddd?3x")
 
@@ -48,11 +48,12 @@ class Layout(NamedTuple):
 
 def pack_encoder(reading: EncoderReading) -> bytes:
     """Return a serialized EncoderSample; a count beyond 32 bits, left by garbage, wraps."""
-    sequence, monotonic_ns, stamp_ns, count, position, velocity, homed = reading
+    sequence, monotonic_ns, stamp_ns, count, position, velocity, homed, homings = reading
     shown = (count + _HALF_COUNT & _COUNT_MASK) - _HALF_COUNT
     return _ENCODER.pack(
-        _HEAD, *_stamped(stamp_ns), sequence, monotonic_ns, shown, position, velocity, homed
-    )
+        _HEAD, *_stamped(stamp_ns), sequence, monotonic_ns, shown, position, velocity, homed,
+        homings,
+    )  # fmt: skip
 
 
 def pack_force(reading: ForceReading) -> bytes:
