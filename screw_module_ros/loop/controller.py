@@ -152,7 +152,7 @@ class VerticalController:
             self._agreement.restart()
         if last := self.answered:
             apart = self._agreement.check(last.position, position, last.velocity, now_ns)
-            if enabled:
+            if apart and enabled:
                 self._checks.doubt_home(apart)
             elif apart:
                 self._agreement.restart()

@@ -300,7 +300,7 @@ class VerticalChecks:
         return self.fault.reason or (motion.doubt if motion.homed else "encoder: not homed")
 
     def doubt_home(self, why: str) -> None:
-        """Latch a reason (empty: none) that a homing must follow; no `reset` replaces it."""
+        """Latch a reason that a homing must follow; no `reset` replaces it."""
         self._motion.doubt = self._motion.doubt or why
         self.fault.set(why)
 

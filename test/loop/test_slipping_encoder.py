@@ -9,10 +9,10 @@ from screw_module_ros.geometry import COUNTS_PER_TURN, SCREW
 from screw_module_ros.safety.checks import HOME_AGAIN
 
 
-def slip(bench, metres: float) -> None:
-    """Let the drive's position move by as much as the encoder's would have to."""
+def slip(bench, metres: float, device: str = "drive", fault: str = "position_jump") -> None:
+    """Let the position that one device reports move by `metres`, and nothing else."""
     counts = round(metres / SCREW.lead * COUNTS_PER_TURN)
-    assert bench.rig.inject("drive", "position_jump", counts, 0.0, bench.now_ns)
+    assert bench.rig.inject(device, fault, counts, 0.0, bench.now_ns)
 
 
 def cycles(bench, metres: float, count: int) -> list[str]:
@@ -43,8 +43,8 @@ def test_slips_add_up_over_enablings(bench):
     assert bench.rows[-1].force == 0.0
 
 
-@pytest.mark.parametrize("device", ["encoder", "drive"])
-def test_after_a_slip_a_homing_is_needed_at_any_time_before_the_force(bench, device):
+@pytest.mark.parametrize(("device", "fault"), [("encoder", "jump"), ("drive", "position_jump")])
+def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
     """The controller cannot tell which of the two is right: the stops may be shifted by the slip.
 
     Homing at the same place is a homing too: it may be the drive that slipped.
@@ -52,9 +52,7 @@ def test_after_a_slip_a_homing_is_needed_at_any_time_before_the_force(bench, dev
     bench.controller.mode = 1
     assert bench.enable() == ""
     bench.seconds(0.1)
-    counts = round(0.01 / SCREW.lead * COUNTS_PER_TURN)
-    assert bench.rig.inject(device, f"{'position_' * (device == 'drive')}jump", counts, 0.0,
-                            bench.now_ns)  # fmt: skip
+    slip(bench, 0.01, device, fault)
     bench.seconds(0.1)
     bench.rig.inject(device, "clear", 0.0, 0.0, bench.now_ns)
     assert bench.disable() == ""
