@@ -212,20 +212,23 @@ class FaultRobot(Robot):
             self.wait_until(lambda: self.record.fresh("sim_rig"), 5.0, "no sim/truth")
             self.hand.set_up()
 
-    def creep_until(self, condition: Callable[[], object], seconds: float) -> bool:
+    def creep_until(
+        self, condition: Callable[[], object], seconds: float, still_ns: int = _CREEP_NS
+    ) -> bool:
         """Wait for processes and the middleware, `seconds` of wall clock at most.
 
-        Returns whether `condition` became true. Simulated time hardly advances.
+        Returns whether `condition` became true. Simulated time hardly advances: `_CREEP_S` each
+        `still_ns` of wall clock [ns], less than the lock step's patience of 1 s.
         """
         now_ns = _WALL.now_ns()
-        end_ns, step_ns = now_ns + round(seconds * 1e9), now_ns + _CREEP_NS
+        end_ns, step_ns = now_ns + round(seconds * 1e9), now_ns + still_ns
         while not condition():
             if now_ns > end_ns:
                 return False
             _WALL.sleep_until(now_ns + _POLL_NS)
             now_ns = _WALL.now_ns()
             if now_ns >= step_ns and alive(self.clock.page.conductor):
-                step_ns = now_ns + _CREEP_NS
+                step_ns = now_ns + still_ns
                 self.clock.sleep(_CREEP_S)
         return True
 

@@ -24,6 +24,8 @@ from screw_module_ros.operator.robot import RobotError
 
 _MATCHED_S = 5.0  # wall clock
 _SETTLED_S = 0.05  # the subscriber may see the match a moment later
+_STILL_NS = 400_000_000
+"""Wall clock for which time may stand still; the lock step drops whoever holds it for 1 s."""
 _TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
 """Intruders publish between the ticks, when a node is idle."""
@@ -61,14 +63,17 @@ class Intruders:
     ) -> float:
         """Publish the messages of `make` on a topic each `period` [s], between the ticks.
 
-        count: number of messages, 0 = until `dismiss`. Returns the simulated time of the start
+        count: number of messages, 0 = until `dismiss`. Returns the simulated time of the first
         [s]. Raises RobotError without a subscriber.
         """
+        # The first message must come before the count of publishers, which each 0.1 s of simulated
+        # time may bring: time stands still between two ticks while the middleware finds them.
+        self._clock.sleep_until(_between_ticks(self._clock.now_ns(), _TICK_NS * 1e-9))
         publisher = self._node.create_publisher(kind, topic, topics.COMMAND)
         end = End(self._clock.page, publisher.topic_name, sends=True)  # messages hold time, too
         self._publishers.append((publisher, end))
-        # The first message must come before the count of publishers.
-        if not self._robot.creep_until(publisher.get_subscription_count, _MATCHED_S):
+        matched = publisher.get_subscription_count
+        if not self._robot.creep_until(matched, _MATCHED_S, _STILL_NS):
             raise RobotError(f"no subscriber on {topic}")
         self._robot.creep_until(lambda: False, _SETTLED_S)
 
@@ -79,9 +84,10 @@ class Intruders:
             end.announce()
 
         begin_ns = self._clock.now_ns()
+        send()
         if not count:
             self.repeat(send, period)
-        for _ in range(count):
+        for _ in range(count - 1):
             self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
             send()
         return begin_ns * 1e-9
