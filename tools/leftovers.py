@@ -22,7 +22,7 @@ from typing import NamedTuple
 SHARED_MEMORY = Path("/dev/shm")
 MARK = "SCREW_MODULE_RUN"
 LOCK_SUFFIX = "_el"
-SECONDS_BETWEEN_LOOKS = 0.2
+SECONDS_BETWEEN_LOOKS = 0.5
 _PORT = re.compile(r"fastrtps_port(\d+)$")
 
 

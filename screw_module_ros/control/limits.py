@@ -14,6 +14,8 @@ from ..settings import Setting
 
 ANY_RATE = 1e6
 """`command_rate` without effect: no command changes as fast [N/s]."""
+COLD = 0.0
+"""Heat of a motor that has rested [Nm^2]."""
 LONGEST_STEP = 0.02
 """A longer time step of a law counts as this one, so that a pause makes no large step [s]."""
 # A sample beyond these cannot be real; a law then gives zero.
@@ -138,12 +140,20 @@ def limit_torque(
     torque, so the mean square over the time constant stays within the continuous rating. A torque
     that is not finite gives zero.
     """
+    largest = largest_torque(limits, heat, dt)
+    allowed = min(max(torque, -largest), largest) if math.isfinite(torque) else 0.0
+    return allowed, heat + (allowed * allowed - heat) * min(1.0, dt / limits.time_constant)
+
+
+def largest_torque(limits: TorqueLimits, heat: float, dt: float) -> float:
+    """Return the largest torque of a motor with this heat [Nm^2] for the next dt [s], in Nm.
+
+    It is the peak torque at first, and comes down to the continuous torque with the heat.
+    """
     budget = limits.continuous * limits.continuous
     peak = limits.peak * limits.peak
     share = min(1.0, dt / limits.time_constant)
     reserve = max(0.0, budget - heat)
     folded = budget + (peak - budget) * min(1.0, reserve / (_FOLDBACK_SHARE * budget))
     # The last term is the torque that would use up the heat budget within this step.
-    largest = math.sqrt(min(peak, folded, heat + reserve / share))
-    allowed = clamp(torque, -largest, largest) if math.isfinite(torque) else 0.0
-    return allowed, heat + (allowed * allowed - heat) * share
+    return math.sqrt(min(peak, folded, heat + reserve / share))

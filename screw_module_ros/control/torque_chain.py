@@ -17,12 +17,10 @@ from typing import NamedTuple
 from ..geometry import SCREW, Screw, force_to_torque
 from ..safety.checks import LARGEST_COMMAND
 from ..units import from_per_mille, to_per_mille
-from .limits import ANY_RATE, CommandLimits, TorqueLimits, clamp, limit_torque, slew
+from .limits import ANY_RATE, COLD, CommandLimits, TorqueLimits, clamp, limit_torque, slew
 from .linearization import IDENTITY, Linearization, torque_command
 
 _MOMENT = 1e-3  # [s] time for which a cold motor may give its peak torque
-COLD = 0.0
-"""Heat of a motor that has rested [Nm^2]."""
 
 
 class TorqueChain(NamedTuple):

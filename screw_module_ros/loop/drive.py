@@ -13,9 +13,9 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ..can_io.port import Port
+from ..control.limits import COLD
 from ..control.modes import ALL_NAMES, EXCITATION, OFF
 from ..control.torque_chain import (
-    COLD,
     TorqueChain,
     commanded,
     commanded_torque,

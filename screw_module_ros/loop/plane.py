@@ -18,11 +18,13 @@ from typing import Annotated, NamedTuple
 
 from ..can_io.port import Port
 from ..clock import Clock
+from ..control.limits import COLD, TorqueLimits, largest_torque
 from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_step
 from ..control.planar_settings import PlanarSettings
 from ..control.slot import SlotLimits
 from ..devices import drive_group
 from ..devices.drive import Drive
+from ..devices.drive_settings import DriveSettings
 from ..devices.errors import BusError, DeviceError
 from ..devices.motion import Motion, Rehoming
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
@@ -70,6 +72,10 @@ class JointSettings(NamedTuple):
     silence: Annotated[
         float, Setting("ticks without both positions that latch a fault", "periods", 2.0, 100.0)
     ] = 5.0
+    time_constant: Annotated[
+        float, Setting("time constant of the motors' heating (I2t): the mean square of a torque "
+                       "over it stays within that of `rated_torque`", "s", 0.5, 1000.0)
+    ] = 10.0
 
 
 class PlaneLimits(NamedTuple):
@@ -98,13 +104,27 @@ class PlaneWires(NamedTuple):
 
 
 class Joint:
-    """One joint, by its drive. motion: angle, absolute once homed [rad], and velocity [rad/s]."""
+    """One joint, by its drive.
 
-    def __init__(self, settings: JointSettings, freeze: FreezeSettings, period_ns: int):
+    motion: angle, absolute once homed [rad], and velocity [rad/s]. limits: of the motor's torque;
+    heat: of the motor [Nm^2], see `control.limits`.
+    """
+
+    def __init__(
+        self, settings: JointSettings, drive: DriveSettings, freeze: FreezeSettings,
+        period_ns: int,
+    ):  # fmt: skip
+        self.limits = TorqueLimits(drive.rated_torque, drive.max_torque, settings.time_constant)
+        self.heat = COLD
         self.frozen = Frozen(freeze)
         self.motion = Motion(settings.velocity_cutoff, period_ns)
         self._settings = settings
         self._period_ns = period_ns
+
+    @property
+    def warmth(self) -> float:
+        """Share of the heat that the motor bears for long, 0 to 1."""
+        return self.heat / self.limits.continuous**2
 
     def take(self, position: float, periods: int) -> str:
         """Process the drive's position [rad], `periods` after the last; return its fault or "".
@@ -139,8 +159,8 @@ class Plane:
     settings: of the law, may be replaced at any time. joints: both, motions: theirs. permit: the
     gate with both drives. guide: the slot, if there is one. wanted: the set point, x and y. state:
     memory of the law, output: of the law in the last tick, None without positions. written: torques
-    of the last tick [Nm]. meter: latency from the tick to the torques. skipped: ticks that an
-    overrun skipped.
+    of the last tick [Nm]; hot: whether the motors' heat bounded them. meter: latency from the tick
+    to the torques. skipped: ticks that an overrun skipped.
     """
 
     def __init__(
@@ -163,7 +183,8 @@ class Plane:
             drives, Requests(), permit._replace(command_periods=oldest), period_ns,
             max(drive.settings.enable_timeout for drive in drives),
         )  # fmt: skip
-        self.joints = (Joint(joints, freeze, period_ns), Joint(joints, freeze, period_ns))
+        shoulder, elbow = (Joint(joints, drive.settings, freeze, period_ns) for drive in drives)
+        self.joints = shoulder, elbow
         self.motions = self.joints[0].motion, self.joints[1].motion
         self.guide = Guide(slot_limits)
         self._drives, self._port, self._clock = drives, port, port.clock
@@ -171,6 +192,7 @@ class Plane:
         self._wires = wires or PlaneWires()
         self._period_ns = period_ns
         self._rehoming = Rehoming(joints.home_shift)
+        self._heat_ns = self._clock.now_ns()
         self.restart()
 
     @property
@@ -183,6 +205,12 @@ class Plane:
         """Whether both angles are absolute."""
         shoulder, elbow = self.motions
         return shoulder.homed and elbow.homed
+
+    def warm_as(self, before: Plane) -> None:
+        """Take over the heat of the motors, which do not cool by a new configuration."""
+        self._heat_ns = before._heat_ns
+        for joint, same in zip(self.joints, before.joints, strict=True):
+            joint.heat = same.heat
 
     def measures(self, now_ns: int) -> bool:
         """Return whether both drives have told their positions lately, at now_ns [ns]."""
@@ -197,6 +225,7 @@ class Plane:
         self.wanted = SetpointInput(axes=2)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
+        self.hot = False
         self.meter = DeadlineMeter(self._period_ns)
         self.skipped = 0
         self._ticker = Ticker(self._clock, self._period_ns)
@@ -370,15 +399,33 @@ class Plane:
         scale = self.permit.step(self._acted.stamp_ns, now_ns)
         output = self.output
         wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
+        kept = self._cooled(now_ns, scale, wanted)
         written, failed = [0.0, 0.0], None
         for number, (drive, torque) in enumerate(zip(self._drives, wanted, strict=True)):
             try:
-                written[number] = drive.write(scale * torque, now_ns)
+                written[number] = drive.write(kept * torque, now_ns)
             except BusError as error:  # the other drive still needs its command
                 failed = failed or error
         self.written = written[0], written[1]
         if failed is not None:
             raise failed
+
+    def _cooled(self, now_ns: int, scale: float, wanted: tuple[float, float]) -> float:
+        """Take the heat of both motors to now; return the factor of the wanted torques [Nm].
+
+        It is `scale`, or less where a motor is too hot: one factor keeps the force's direction.
+        """
+        elapsed = (now_ns - self._heat_ns) * 1e-9
+        self._heat_ns = now_ns
+        factor = scale
+        for joint, acted, torque in zip(self.joints, self.written, wanted, strict=True):
+            limits, size = joint.limits, abs(torque)
+            joint.heat += (acted * acted - joint.heat) * min(1.0, elapsed / limits.time_constant)
+            if factor * size > limits.continuous:
+                largest = largest_torque(limits, joint.heat, self._period_ns * 1e-9)
+                factor = min(factor, largest / size)
+        self.hot = factor < scale
+        return factor
 
     # -- any thread ------------------------------------------------------------------------------
 

@@ -13,9 +13,9 @@ from screw_module_ros.calibration.selection import (
     LinearizationSettings,
     chosen_linearization,
 )
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.limits import COLD, CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import IDENTITY
-from screw_module_ros.control.torque_chain import COLD, TorqueChain, largest_command
+from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings

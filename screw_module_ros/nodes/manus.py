@@ -98,7 +98,7 @@ class ManusNode(DriveNode):
         self.configure_drives(shoulder, elbow)
         self.check_bus_load([*shoulder.traffic, *elbow.traffic[1:]])
         self._state_every = self.parameters.read(ManusSettings).state_every
-        self._plane = Plane(
+        plane = Plane(
             (shoulder, elbow),
             port,
             self.period_ns,
@@ -110,6 +110,8 @@ class ManusNode(DriveNode):
             self.parameters.read(PlaneLimits),
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
+        plane.warm_as(getattr(self, "_plane", plane))
+        self._plane = plane
         self._make_topics()
 
     def _law_settings(self) -> PlanarSettings:
@@ -209,8 +211,9 @@ class ManusNode(DriveNode):
             "slot refused": self._slot.refused or "no",
             **self.port_values(self._plane.skipped),
         }
-        for joint, drive in zip(_JOINTS, self.drives, strict=True):
+        for joint, drive, part in zip(_JOINTS, self.drives, self._plane.joints, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text
+            values[f"{joint} heat [%]"] = f"{100.0 * part.warmth:.0f}"
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         health, share = self.drive_health(values, state), self._plane.share

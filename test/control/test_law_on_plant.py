@@ -12,8 +12,9 @@ import pytest
 from screw_module_ros import filters, geometry
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
+from screw_module_ros.control.limits import COLD
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
+from screw_module_ros.control.torque_chain import TorqueChain, commanded, on_the_wire
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.plant.world import ArmSettings, World, load_world

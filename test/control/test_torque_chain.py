@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.limits import COLD, CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.torque_chain import (
-    COLD,
     TorqueChain,
     commanded,
     commanded_torque,

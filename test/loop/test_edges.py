@@ -30,7 +30,7 @@ LAW = PlanarSettings()
 
 
 def joint() -> Joint:
-    made = Joint(JointSettings(), FreezeSettings(), 2 * MS)
+    made = Joint(JointSettings(), DriveSettings(), FreezeSettings(), 2 * MS)
     assert made.take(0.0, 1) == ""
     made.motion.homed = True
     return made

@@ -81,7 +81,8 @@ def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, sha
     node = make_node("manus")
     drive = SimpleNamespace(state=lambda now_ns: SimpleNamespace(text="on"), counters={})
     node._state, node._latency_p99, node.drives = PlanarState(), 0.0, (drive, drive)
-    node._plane = SimpleNamespace(homed=True, share=share, skipped=0)
+    joints = [SimpleNamespace(warmth=warmth) for warmth in (0.1, 0.97)]
+    node._plane = SimpleNamespace(homed=True, share=share, skipped=0, joints=joints)
     node._slot = SimpleNamespace(refused="")
     monkeypatch.setattr(node, "port_values", lambda skipped: {})
     monkeypatch.setattr(node, "drive_health", lambda values, state: Health(level, "", values))
@@ -89,3 +90,4 @@ def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, sha
     assert health.level == shown
     assert ("40 % of feedback" in health.message) == (shown == WARN)
     assert health.values["force gain [%]"] == f"{100.0 * share:.0f}"
+    assert (health.values["shoulder heat [%]"], health.values["elbow heat [%]"]) == ("10", "97")

@@ -120,7 +120,7 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
         message.velocity = [output.vx, output.vy]
         message.force = [output.force_x, output.force_y]
         message.desired_position = [output.desired_x, output.desired_y]
-        message.saturated = output.saturated
+        message.saturated = output.saturated or plane.hot
     if not plane.measures(now_ns):
         message.position = message.velocity = _UNKNOWN
         message.joint_position = message.joint_velocity = _UNKNOWN

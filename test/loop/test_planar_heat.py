@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motors of the plane: their mean square torque stays within the rated one (I2t)."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.safety.permit import PermitSettings
+
+MS, S = 1_000_000, 1_000_000_000
+RATED, LARGEST, TIME_CONSTANT = 10.0, 25.0, 10.0
+DRIVE = DriveSettings(rated_torque=RATED, max_torque=LARGEST)
+HOLD = (18.0, -23.0)
+"""Torques of 45 N at the handle [Nm]."""
+
+
+def plane_of(sent, **drive):
+    """Return a plane whose gate is open; it notes what both drives get [Nm]."""
+    drives = [
+        SimpleNamespace(
+            settings=DRIVE._replace(**drive),
+            write=lambda torque, now_ns, got=got: got.append(torque) or torque,
+        )
+        for got in sent
+    ]
+    port = SimpleNamespace(clock=ManualClock(S))
+    joints = JointSettings(time_constant=TIME_CONSTANT)
+    made = Plane(drives, port, 2 * MS, PlanarSettings(), joints, PermitSettings())
+    made.permit.step = lambda newest_ns, now_ns: 1.0
+    return made
+
+
+def asked(plane, torques, seconds, begin_ns=S):
+    """Ask for these torques for a while; return the time of the last write [ns]."""
+    end_ns = begin_ns + round(seconds * S)
+    plane.output = SimpleNamespace(shoulder_torque=torques[0], elbow_torque=torques[1])
+    for now_ns in range(begin_ns, end_ns, 2 * MS):
+        plane._write(now_ns)
+    return end_ns - 2 * MS
+
+
+def test_a_hand_that_is_held_for_long_gets_the_rated_torque_in_the_end():
+    shoulder, elbow = sent = [], []
+    plane = plane_of(sent)
+    asked(plane, HOLD, 60.0)
+    assert (shoulder[0], elbow[0]) == HOLD and not plane_of(([], [])).hot
+    full = sum(torque == HOLD[1] for torque in elbow) * 0.002
+    assert full == pytest.approx(-TIME_CONSTANT * math.log(1.0 - 0.75 * 100.0 / 529.0), rel=0.15)
+    assert elbow[-1] == pytest.approx(-RATED, rel=1e-3) and plane.hot
+    steps = [abs(later - earlier) for earlier, later in zip(elbow, elbow[1:], strict=False)]
+    assert max(steps) < 0.05, "it comes down without a step"
+
+
+def test_the_force_keeps_its_direction():
+    """One motor alone would turn it: the other one scales with it."""
+    sent = [], []
+    asked(plane_of(sent), HOLD, 20.0)
+    for shoulder, elbow in zip(*sent, strict=True):
+        assert shoulder / elbow == pytest.approx(HOLD[0] / HOLD[1])
+    assert abs(sent[0][-1]) < RATED
+
+
+@pytest.mark.parametrize("hot", [0, 1])
+def test_the_hotter_motor_decides(hot):
+    torques = [6.0, 6.0]
+    torques[hot] = 20.0
+    sent = [], []
+    asked(plane_of(sent), torques, 60.0)
+    assert sent[hot][-1] == pytest.approx(RATED, rel=1e-3)
+    assert sent[1 - hot][-1] == pytest.approx(3.0, rel=1e-3)
+
+
+def test_the_rated_torque_is_never_reduced():
+    shoulder, elbow = sent = [], []
+    plane = plane_of(sent)
+    asked(plane, (RATED, -RATED), 60.0)
+    assert set(shoulder) == {RATED} and set(elbow) == {-RATED} and not plane.hot
+
+
+def test_the_mean_square_stays_within_the_rated_one():
+    """Loads come and go; the mean over the time constant is what the motor feels."""
+    shoulder, elbow = sent = [], []
+    plane, end_ns = plane_of(sent), S - 2 * MS
+    for torque, seconds in ((23.0, 8.0), (0.0, 3.0), (23.0, 4.0), (15.0, 9.0), (23.0, 20.0)):
+        end_ns = asked(plane, (0.0, torque), seconds, end_ns + 2 * MS)
+    heat, hottest = 0.0, 0.0
+    for torque in elbow:
+        heat += (torque**2 - heat) * 0.002 / TIME_CONSTANT
+        hottest = max(hottest, heat)
+    assert 0.98 * RATED**2 < hottest <= 1.001 * RATED**2
+    assert not any(shoulder)
+
+
+def test_a_new_configuration_cools_no_motor():
+    first = plane_of(([], []))
+    end_ns = asked(first, HOLD, 20.0)
+    warm, cooled = ([], []), ([], [])
+    for sent, later_ns in ((warm, end_ns + S // 5), (cooled, end_ns + 60 * S)):
+        second = plane_of(sent)
+        second.warm_as(first)
+        second.output = None
+        second._write(later_ns)
+        asked(second, HOLD, 0.1, later_ns + 2 * MS)
+    assert RATED < abs(warm[1][-1]) < 13.0
+    assert (cooled[0][-1], cooled[1][-1]) == HOLD
+
+
+def test_a_limit_below_the_rated_torque_needs_no_heat():
+    shoulder, _ = sent = [], []
+    asked(plane_of(sent, max_torque=5.0), (5.0, 0.0), 60.0)
+    assert set(shoulder) == {5.0}
