@@ -70,6 +70,21 @@ def test_impatience_does_not_spoil_a_good_end(ros_domain_id):
         process.communicate()
 
 
+def test_a_node_that_dies_in_a_library_says_where(ros_domain_id):
+    with subprocess.Popen(
+        [executable_path("endpoint_state")], stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert any("active" in line for line in process.stderr)
+            process.send_signal(signal.SIGSEGV)
+            told = process.stderr.read()
+            assert process.wait(20) == -signal.SIGSEGV
+        finally:
+            process.kill()
+    assert "Fatal Python error: Segmentation fault" in told
+    assert "run_loop" in told and "_serve" in told, "both threads"
+
+
 # As Fast DDS does when it locks up: a call that never returns and keeps the interpreter's lock.
 LOCKED_UP = """
 import ctypes

@@ -70,6 +70,7 @@ def run_together(
     """
     stopping = threading.Event()
     stop_on_signals(stopping)
+    faulthandler.enable()  # who dies in a library says where
     faulthandler.register(DUMP_STACKS)  # also when the interpreter itself hangs
     # Our errors replace the libraries' log messages, with the node id and the way out.
     for library in ("canopen", "can"):
