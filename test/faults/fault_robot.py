@@ -229,7 +229,7 @@ class FaultRobot(Robot):
             now_ns = _WALL.now_ns()
             if now_ns >= step_ns and alive(self.clock.page.conductor):
                 step_ns = now_ns + still_ns
-                self.clock.sleep(_CREEP_S)
+                self._sleep_until(self.clock.now_ns() + round(_CREEP_S * 1e9))
         return True
 
     def _await_start(self, pid: int, name: str) -> None:

@@ -15,6 +15,7 @@ from rclpy.node import Node
 
 from screw_module_ros.can_io.bus import BusSettings, open_port
 from screw_module_ros.can_io.port import Port
+from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.graph import bus_of
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.nodes import bringup
@@ -23,7 +24,8 @@ from screw_module_ros.nodes.support.inbox import Inbox
 from screw_module_ros.operator.robot import RobotError
 
 _MATCHED_S = 5.0  # wall clock
-_SETTLED_S = 0.05  # the subscriber may see the match a moment later
+_SETTLED_S = 0.2  # the subscribers may see the match a moment later
+_ENDED_S = 30.0  # wall clock in which 0.1 s of simulated time passes anywhere
 _STILL_NS = 400_000_000
 """Wall clock for which time may stand still; the lock step drops whoever holds it for 1 s."""
 _TICK_NS = 1_000_000
@@ -75,7 +77,7 @@ class Intruders:
         matched = publisher.get_subscription_count
         if not self._robot.creep_until(matched, _MATCHED_S, _STILL_NS):
             raise RobotError(f"no subscriber on {topic}")
-        self._robot.creep_until(lambda: False, _SETTLED_S)
+        self._robot.creep_until(lambda: False, _SETTLED_S, _STILL_NS)
 
         def send() -> None:
             message = make()
@@ -99,11 +101,18 @@ class Intruders:
     def repeat(self, act: Callable[[], object], period: float) -> None:
         """Call `act` each `period` [s] of simulated time until `dismiss`."""
 
+        over = self._over
+
         def run() -> None:
             try:
-                while not self._over.is_set():
-                    self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
-                    act()
+                while not over.is_set():
+                    try:
+                        self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
+                    except TimeStandsStill:  # a process starts, or the row has ended the rig
+                        over.wait(_SETTLED_S)
+                        continue
+                    if not over.is_set():
+                        act()
             finally:
                 self._clock.leave()
 
@@ -124,7 +133,7 @@ class Intruders:
         if self._threads:
             self._clock.idle()  # each thread ends at its next act, in simulated time
         for thread in self._threads:
-            thread.join(timeout=2.0)
+            thread.join(timeout=_ENDED_S)
         for publisher, end in self._publishers:
             end.close()
             self._node.destroy_publisher(publisher)
@@ -134,7 +143,7 @@ class Intruders:
         for guest in self._guests:
             guest.stop()
         self._threads, self._publishers, self._ports, self._guests = [], [], [], []
-        self._over.clear()
+        self._over = threading.Event()
 
     def close(self) -> None:
         """Leave the graph."""

@@ -24,7 +24,7 @@ from screw_module_ros.trials.runner import Console, GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
-DEADLINE_S = 120.0
+DEADLINE_S = 400.0
 QUICK = Person("active", 0.4)
 PATIENT = "P-7K3QX"
 PROTOCOL = "quick.yaml"

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from screw_module_ros.clock import ManualClock
+from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.nodes import sim_rig
 from screw_module_ros.nodes.sim_rig import Departure
 from screw_module_ros.operator.robot import Robot
@@ -61,18 +61,26 @@ def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
 @pytest.mark.graph
 @pytest.mark.parametrize("clock", ["rig", "wall"])
 def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, clock):
-    """As under `ros2 launch`: SIGINT for every process in one moment."""
+    """As under `ros2 launch`: SIGINT for every process in one moment.
+
+    The rig stays for 4 s at most: who needs its devices longer, on a machine that starves it, may
+    complain, but ends in order all the same.
+    """
     with GraphRun(wall_clock=clock == "wall") as graph:
         with Robot("tester", watch=graph.watch) as robot:
             graph.wait_until_ready(robot)
         capfd.readouterr()
+        others, wall = [name for name in graph.pids if name != "sim_rig"], WallClock()
+        stays_until_ns = wall.now_ns() + sim_rig._PATIENCE_NS - STEP_NS
         for name in graph.pids:
             graph.signal(name, signal.SIGINT)
-        for name in graph.pids:
+        for name in others:
             wait_until(lambda name=name: graph.exit_code(name) is not None, 30.0, f"{name}'s end")
+        in_time = wall.now_ns() < stays_until_ns
+        wait_until(lambda: graph.exit_code("sim_rig") is not None, 30.0, "the rig's end")
         ended = {name: graph.exit_code(name) for name in graph.pids}
         assert ended == dict.fromkeys(graph.pids, 0)
         told = capfd.readouterr()
     complaints = [line for line in (told.out + told.err).splitlines()
                   if "[WARN]" in line or "[ERROR]" in line]  # fmt: skip
-    assert complaints == []
+    assert complaints == [] or not in_time

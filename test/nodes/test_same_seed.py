@@ -19,7 +19,8 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
 BETWEEN_TICKS_NS = 500_000
 S = 1_000_000_000
-RECORDED_S, ENABLED_S, END_S = 3.6, 4.0, 5.1
+READY_S = 6.0  # at the speed of the start 150 s of wall clock
+RECORDED_S, ENABLED_S, END_S = READY_S + 1.6, READY_S + 2.0, READY_S + 3.1
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -48,18 +49,18 @@ def played(folder: Path, seed: int) -> Path:
         robot.wait_until_ready(graph.names)
         robot.set_parameter("sim_rig", "speed", 0.0)
         script = Script(robot)
-        script.at(2.0).set_fixture("free")
-        script.at(2.1).clear_faults()
-        script.at(2.3).home()
-        script.at(2.5).tare()
-        script.at(2.8).set_fixture("human_arm")
-        script.at(2.9).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
-        script.at(3.0).set_impedance(100.0, 5.0)
-        script.at(3.1).set_mode(ForceCommand.FORCE_FEEDBACK)
-        script.at(3.2).permit()
-        script.at(3.3).start_recording()
-        script.at(3.6).enable()
-        script.at(3.8).enable_plane()
+        script.at(READY_S).set_fixture("free")
+        script.at(READY_S + 0.1).clear_faults()
+        script.at(READY_S + 0.3).home()
+        script.at(READY_S + 0.5).tare()
+        script.at(READY_S + 0.8).set_fixture("human_arm")
+        script.at(READY_S + 0.9).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
+        script.at(READY_S + 1.0).set_impedance(100.0, 5.0)
+        script.at(READY_S + 1.1).set_mode(ForceCommand.FORCE_FEEDBACK)
+        script.at(READY_S + 1.2).permit()
+        script.at(READY_S + 1.3).start_recording()
+        script.at(READY_S + 1.6).enable()
+        script.at(READY_S + 1.8).enable_plane()
         script.at(ENABLED_S).set_arm(
             arm(amplitude=(0.02, 0.03, 0.1), omega=(3.0, 2.0, 4.0), target=(0.0, 0.0, 0.2))
         )

@@ -19,7 +19,7 @@ NAMES = ("left", "right")
 ONE_ROBOT = ["sim_rig", "supervisor", "module", "endpoint_state"]
 PARTS = ["encoder", "force_sensor", "impedance_controller", "amplifier"]
 SESSION, BRIDGE = "therapy_session", "web_bridge"
-DEADLINE_MS = 170_000
+DEADLINE_MS = 600_000
 SILENT = "the therapist's page has been silent for 2 s"
 
 

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 IDLE, RUNNING, PAUSED = TherapyState.IDLE, TherapyState.RUNNING, TherapyState.PAUSED
 SILENT = "the therapist's page has been silent for 2 s"
-DEADLINE_MS = 170_000  # beside other work the robot's time may pass ten times slower
+DEADLINE_MS = 600_000  # it only ends a hang: beside other work the robot's time passes slowly
 BOUNDS = {"x": (-0.15, 0.15), "y": (-0.15, 0.15), "z": (0.03, 0.33)}
 
 
@@ -26,7 +26,7 @@ def stage(tmp_path_factory):
 
 
 def run(coroutine):
-    return asyncio.run(asyncio.wait_for(coroutine, 180.0))
+    return asyncio.run(asyncio.wait_for(coroutine, DEADLINE_MS * 1e-3))
 
 
 @contextlib.asynccontextmanager

@@ -144,7 +144,7 @@ def test_a_session_runs_to_its_end_and_is_computed_again(tmp_path):
     ended = subprocess.run(
         [executable_path("soak"), "--protocol", "two.yaml", "--folder", str(tmp_path / "out")],
         env={**os.environ, "HOME": str(tmp_path)}, check=False, capture_output=True, text=True,
-        timeout=300,
+        timeout=850,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stdout + ended.stderr
     (file,) = (tmp_path / "out").glob("*/soak.json")

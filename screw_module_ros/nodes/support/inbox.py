@@ -16,12 +16,13 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from screw_module_ros.clock import Clock
+from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.end import End
 
 from .wire import Layout
 
+_WALL = WallClock()
 _LOST_NS = 900_000_000  # wall clock after which a published message counts as lost
 _SLICE_NS = 20_000_000  # the same, of a publisher that has gone
 
@@ -218,12 +219,14 @@ def _await_message(wait_set: Any, handle: Any, end: End) -> None:
     The middleware drops what a process that ends has sent and nobody has taken yet; waiting for it
     held the time of all others.
     """
-    for _ in range(_LOST_NS // _SLICE_NS):
+    end_ns = _WALL.now_ns() + _LOST_NS
+    while True:
         is_last = end.is_orphaned  # asked before the wait, in which its last message may come
         wait_set.clear_entities()
         wait_set.add_subscription(handle)
         wait_set.wait(_SLICE_NS)
-        if is_last or wait_set.get_ready_entities("subscription"):
+        ready = wait_set.get_ready_entities("subscription")
+        if ready or is_last or _WALL.now_ns() >= end_ns:
             return
 
 
