@@ -24,7 +24,7 @@ setup(
     maintainer_email="unpublished@screw-module-ros.invalid",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
+        NAME: ["py.typed", "devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
                "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja",
                "identification/*.jinja"]
     },

@@ -113,7 +113,7 @@ def test_launch_arguments(words):
 
 @pytest.mark.parametrize("words", beginning("bringup"), ids=" ".join)
 def test_bringup_options(words):
-    bringup.command.make_context("bringup", list(words))
+    assert bringup.command.make_context("bringup", list(words)).params
 
 
 def test_every_experiment_is_in_the_table():

@@ -215,7 +215,7 @@ def requirements(*names: str) -> list[Path]:
 def data_files() -> list[str]:
     """Return the names of the files that setup.py installs beside the code."""
     folders = ("params", "launch", "urdf", "rviz", "security")
-    found = [file for folder in folders for file in ROOT.glob(f"{folder}/*.*")]
+    found = [file for folder in folders for file in ROOT.glob(f"{folder}/**/*.*")]
     return sorted(str(file.relative_to(ROOT)) for file in found)
 
 

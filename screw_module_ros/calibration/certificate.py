@@ -3,7 +3,7 @@
 
 `identification/certificate` writes it: the delivered impedance of every mode, the largest gains
 that are stable on what the module may meet, and with which loop, filters and observer they were
-found stable. Its last line is the SHA-256 of the text before it.
+found stable, and for which version of the law. Its last line is the SHA-256 of the text before it.
 
 What the controller knows of its own loop and law it compares: a departure in the direction that
 makes the largest stable gain smaller is refused, one that makes it larger is not. The delay and the
@@ -13,10 +13,12 @@ certificate.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from .. import control, filters
 from ..control.modes import FORCE_GAINS
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, SettingError, fields, problem
@@ -107,12 +109,14 @@ def conditions_of(
 class Certificate(NamedTuple):
     """A certificate; fields as the keys of its file.
 
-    permitted_gains: largest permitted values; conditions: with which they were found; sha256: of
-    the file's text before it. The others are for who reads the file.
+    law: `law_version` for which they were found; permitted_gains: largest permitted values;
+    conditions: with which they were found; sha256: of the file's text before it. The others are for
+    who reads the file.
     """
 
     serial: str
     date: str
+    law: str
     permitted_gains: Gains
     conditions: Conditions
     sha256: str
@@ -160,7 +164,7 @@ def load_certificate(path: str | Path, serial: str) -> Certificate:
     """Return the certificate of the module with that serial.
 
     Raises SettingError naming file, key and problem: when the file cannot be read, was changed,
-    belongs to another module, or lacks gains or conditions.
+    belongs to another module or another version of the law, or lacks gains or conditions.
     """
     try:
         certificate = read_file(path, Certificate, FORMAT)
@@ -175,7 +179,22 @@ def load_certificate(path: str | Path, serial: str) -> Certificate:
             "stability and delivered_impedance again"
         )
     check_serial(path, certificate.serial, serial)
+    if certificate.law != law_version():
+        raise SettingError(
+            f"{path}: law: its gains were found for version {certificate.law} of the law, this "
+            f"software has {law_version()}: run stability and delivered_impedance again, or empty "
+            "certificate_file"
+        )
     return certificate
+
+
+@functools.cache
+def law_version() -> str:
+    """Return a digest of the sources of the law: `control`, and the filters it runs on."""
+    digest = hashlib.sha256()
+    for file in sorted([*Path(control.__file__).parent.glob("*.py"), Path(filters.__file__)]):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def text_checksum(text: str) -> str:

@@ -211,7 +211,7 @@ def write_calibration(path: str | Path, calibration: ModuleCalibration) -> Modul
         sort_keys=False, allow_unicode=True, default_flow_style=None, width=100,
     )  # fmt: skip
     try:
-        _replace(Path(path), text)
+        replace_text(Path(path), text)
     except (OSError, ValueError) as problem:  # ValueError: a path that names no file
         reason = getattr(problem, "strerror", "") or problem
         raise SettingError(
@@ -227,7 +227,7 @@ def _is_utc(text: str) -> bool:
         return False
 
 
-def _replace(path: Path, text: str) -> None:
+def replace_text(path: Path, text: str) -> None:
     """Replace the file's text atomically: at any moment the file is the old or the new one."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import struct
 
-from ..can_io.port import Port
 from .ati import AXES, Row, SensorIdentity
 from .errors import NotAnswering, NotConfigured
 from .force_sensor import ForceSensor
-from .force_sensor_settings import ForceSensorSettings
 
 SHORT_DATA = b"\x02"
 FIRST, SECOND = 5, 6
@@ -38,10 +36,7 @@ class NetForceSensor(ForceSensor):
     SIZES = FORCES_XY.size, FORCES_Z.size
     SETTINGS = ()
 
-    def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
-        super().__init__(port, settings, label)
-        self._number: int | None = None
-        port.subscribe(self._request_id, self._on_request)
+    _number: int | None = None
 
     def find(self) -> tuple[SensorIdentity, list[Row]]:
         """Return its units, once it answers. Raises NotConfigured without its counts per unit."""
@@ -105,7 +100,3 @@ class NetForceSensor(ForceSensor):
 
     def poll_slow(self) -> None:
         """Do nothing: the box has no slow values on CAN."""
-
-    def _on_request(self, data: bytes, _arrival_ns: int) -> None:
-        if self._running and self._is_poll(data):
-            self.on_foreign_poll()

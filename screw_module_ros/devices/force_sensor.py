@@ -83,6 +83,8 @@ class ForceSensor:
         self._too_many_unanswered = max(10, round(_RESTART_S * settings.rate))
         port.subscribe(self._request_id | self.FIRST, self._on_first)
         port.subscribe(self._request_id | self.SECOND, self._on_second)
+        if self.FIRST != 0:  # else a foreign request has the identifier of the first half
+            port.subscribe(self._request_id, self._on_request)
         for opcode in self.SETTINGS:
             port.subscribe(self._request_id | opcode, self._on_foreign_setting)
 
@@ -210,7 +212,7 @@ class ForceSensor:
         if not self._running:
             return
         if self._is_poll(data):
-            self.on_foreign_poll()
+            self._note_foreign_poll()
             return
         if self._unanswered > self._too_many_unanswered:
             # Bit 0 of the status word shows a restart by the watchdog, not one of the supply.
@@ -219,10 +221,14 @@ class ForceSensor:
         if self._poll.note(len(data) == self.SIZES[0], 0) == FRESH:
             self._half = data
 
+    def _on_request(self, data: bytes, _arrival_ns: int) -> None:
+        if self._running and self._is_poll(data):
+            self._note_foreign_poll()
+
     def _is_poll(self, data: bytes) -> bool:
         return bytes(data) == self.REQUEST
 
-    def on_foreign_poll(self) -> None:
+    def _note_foreign_poll(self) -> None:
         """Latch that another master polls: its answers would pass for ours."""
         self.counters["foreign_requests"] += 1
         self._latch(f"somebody else polls the {self._label} on {self._port.name}")

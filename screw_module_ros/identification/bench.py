@@ -95,6 +95,7 @@ class InProcessBench:
     """
 
     offers = frozenset({*WAYS_OUT, TRUTH})
+    serial = ""
 
     def __init__(self, world: WorldSettings, loop: LoopSettings | None = None, seed: int = 1):
         self.world = world

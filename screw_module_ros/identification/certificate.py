@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..calibration.certificate import FORMAT, Conditions, text_checksum
+from ..calibration.certificate import FORMAT, Conditions, law_version, text_checksum
+from ..calibration.module import replace_text
 from ..control.vertical_settings import VerticalSettings
 from ..settings import fields
 from ..settings_file import VERSION
 from . import stability
 from .lab import Lab, MissingResult
 from .results import Quantity, Result
-from .sampled_loop import law_version
 from .trials import RELEASE
 
 FILE = "module_certificate.yaml"
@@ -41,7 +41,8 @@ def write(lab: Lab, result: Result, serial: str) -> None:
         "version": VERSION,
         "serial": serial,
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "software": f"{software()}, law {law_version()}",
+        "software": software(),
+        "law": law_version(),
         "bench": lab.bench.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
@@ -49,16 +50,20 @@ def write(lab: Lab, result: Result, serial: str) -> None:
     content |= _gains(lab)
     text = _yaml(content)
     text += _yaml({"sha256": text_checksum(text)})
-    unfinished = lab.folder / f"{FILE}.unfinished"
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(lab.folder / FILE)
+    replace_text(lab.folder / FILE, text)
 
 
 def own_serial(lab: Lab, serial: str) -> str:
     """Return the serial number for a file about the module on the lab's bench.
 
-    Raises ValueError for a simulated module's number on hardware.
+    Raises ValueError for a simulated module's number on hardware, and for another one than the
+    controller has.
     """
+    if lab.bench.serial not in ("", serial):
+        raise ValueError(
+            f"serial: {serial} is not the module_serial of impedance_controller: name "
+            f"{lab.bench.serial}, or start the controller with the number of the module"
+        )
     if RELEASE not in lab.bench.offers and serial.startswith(_SIMULATED):
         raise ValueError(
             f"serial: {serial} is a simulated module's: name that of this one, with settings such "
@@ -109,16 +114,21 @@ def software() -> str:
 def _gains(lab: Lab) -> dict[str, Any]:
     """Return largest stable gains with margins over the defaults, permitted gains and conditions.
 
-    Raises MissingResult if the gains are of another version of the law, or kept no conditions.
+    Raises MissingResult if the gains are of another version of the law or of other masses, or kept
+    no conditions.
     """
-    try:
-        gains = lab.result(stability.NAME)
-    except MissingResult:
+    if not (lab.folder / f"{stability.NAME}.yaml").exists():
         return {}
+    gains = lab.result(stability.NAME)
     if (version := gains.settings.get("law_version")) != law_version():
         raise MissingResult(
             f"the gains of {stability.NAME} were found for version {version} of the law, now it "
             f"is {law_version()}: run {stability.NAME} again"
+        )
+    if gains.settings["masses"] == stability.NOMINAL:
+        raise MissingResult(
+            f"the gains of {stability.NAME} were found with the masses of its settings, not with "
+            "this module's: run gravity and inertia, then stability again"
         )
     found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
     return {

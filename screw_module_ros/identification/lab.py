@@ -97,14 +97,27 @@ class Lab:
             self.progress(experiment, done, total)
         return {name: parts[name] for name in trials}
 
+    def keep(self, result: Result) -> list[Path]:
+        """Store a result of this bench; return its files. Raises OSError."""
+        return result._replace(bench=self.bench.name).save(self.folder)
+
     def result(self, experiment: str) -> Result:
-        """Return the stored result of an experiment. Raises MissingResult that names it."""
+        """Return the stored result of an experiment. Raises MissingResult that names it.
+
+        One of another bench, such as another module's, is missing too.
+        """
         try:
-            return load_result(self.folder, experiment)
+            found = load_result(self.folder, experiment)
         except FileNotFoundError:
             raise MissingResult(
                 f"the result of {experiment} is missing in {self.folder}: run {experiment} first"
             ) from None
+        if found.bench not in ("", self.bench.name):
+            raise MissingResult(
+                f"the result of {experiment} in {self.folder} is from another bench "
+                f"({found.bench}; this one is {self.bench.name}): run {experiment} again"
+            )
+        return found
 
     def _in_turn(
         self, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial],

@@ -118,7 +118,8 @@ def _quantity_rows(result: Result) -> list[tuple[str, ...]]:
 
 
 def _at_rest(report: Report) -> list[str]:
-    """Return the force error of a hand at rest before and after a calibration, where measured."""
+    """Return the force error of a hand at rest before and after a calibration that made it larger.
+    """
     found = []
     for module in report.modules:
         result = module.result("robustness")
@@ -126,7 +127,8 @@ def _at_rest(report: Report) -> list[str]:
         known = {q.name: q.value for q in result.quantities} if result else {}
         if f"{name}_calibrated" in known and f"{name}_uncalibrated" in known:
             before, after = known[f"{name}_uncalibrated"], known[f"{name}_calibrated"]
-            found.append(f"{before:.1f} N before and {after:.1f} N after ({module.name} module)")
+            if after > before:
+                found.append(f"{before:.1f} N before and {after:.1f} N after ({module.name})")
     return found
 
 

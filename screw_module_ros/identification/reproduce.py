@@ -141,7 +141,7 @@ def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
         (lab.folder / f"{experiment}{end}").unlink(missing_ok=True)
     try:
         result = entry.run(lab, settings)
-        result.save(lab.folder)
+        lab.keep(result)
     except (ValueError, NotPossible, MissingResult) as error:
         return Outcome(None, str(error), time.monotonic() - begun)
     return Outcome(result, "", time.monotonic() - begun)

@@ -20,8 +20,8 @@ from ..settings import SettingError, plain, read
 from ..settings_file import parse
 
 MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
-"""Kinds of a quantity: found from the samples of trials; arithmetic on printed values; a printed
-value passed on."""
+"""Kinds of a quantity: found from the samples of trials; calculated without one; a printed value
+passed on."""
 
 
 class Published(NamedTuple):
@@ -61,7 +61,8 @@ class Result(NamedTuple):
     """Result of one experiment.
 
     experiment: its name; quantities; settings: their plain values; notes: sentences for the report;
-    data: arrays for figures and for later experiments.
+    data: arrays for figures and for later experiments; bench: name of the one it is from, set by
+    `Lab.keep`.
     """
 
     experiment: str
@@ -69,6 +70,7 @@ class Result(NamedTuple):
     settings: dict[str, Any]
     notes: tuple[str, ...] = ()
     data: dict[str, np.ndarray] = {}
+    bench: str = ""
 
     def value(self, name: str) -> float:
         """Return the value of a quantity by name. Raises KeyError that lists the names."""
@@ -86,6 +88,7 @@ class Result(NamedTuple):
         """Return the result without the data as YAML."""
         content = {
             "experiment": self.experiment,
+            "bench": self.bench,
             "quantities": {q.name: _plain(q) for q in self.quantities},
             "notes": list(self.notes),
             "settings": plain(self.settings),
@@ -162,6 +165,7 @@ def load_result(folder: Path, experiment: str) -> Result:
         found = content["quantities"].items()
         quantities = tuple(_quantity(name, quantity) for name, quantity in found)
         notes, settings = tuple(content["notes"]), content["settings"]
+        bench = content.get("bench", "")
     except (KeyError, TypeError, AttributeError, SettingError) as error:
         raise ValueError(f"{text}: not the result of an experiment: {error}") from error
     try:
@@ -169,7 +173,7 @@ def load_result(folder: Path, experiment: str) -> Result:
             data = dict(arrays)
     except (EOFError, zipfile.BadZipFile) as error:  # cut off by a full disk or a kill
         raise ValueError(f"{file}: damaged: {error}") from error
-    return Result(experiment, quantities, settings, notes, data)
+    return Result(experiment, quantities, settings, notes, data, bench)
 
 
 def beside(

@@ -13,15 +13,12 @@ lower nor an upper bound of the real gain, but the limit of the linear loop.
 from __future__ import annotations
 
 import functools
-import hashlib
 import math
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from .. import control
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control.modes import uses_observer
@@ -86,14 +83,6 @@ class Law(NamedTuple):
     def with_gain(self, gain: float) -> Law:
         """Return the law with another force gain."""
         return self._replace(settings=self.settings._replace(**{self._name: gain}))
-
-
-def law_version() -> str:
-    """Return a digest of the sources of `control`, for which gains were found."""
-    digest = hashlib.sha256()
-    for file in sorted(Path(control.__file__).parent.glob("*.py")):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 Linear = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..calibration.certificate import conditions_of
+from ..calibration.certificate import conditions_of, law_version
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..figure_style import COLOURS, DESIRED
@@ -23,14 +23,13 @@ from ..settings import Setting, validated
 from . import gravity, inertia
 from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
-from .results import HUMAN_ARM, Experiment, Quantity, Result
+from .results import DERIVED, HUMAN_ARM, Experiment, Quantity, Result
 from .sampled_loop import (
     MOST,
     Law,
     Mechanism,
     Sampling,
     largest_gain,
-    law_version,
 )
 from .trials import TRUTH, Arm, MotionTrial
 
@@ -49,6 +48,7 @@ CURVES = {
 }
 """Laws of the figure. The controller lets the observer carry less the lighter the hand is; the
 linear loop of `observer` carries all of it, the other none."""
+SIMULATED, IDENTIFIED, NOMINAL = "of the simulated module", "identified", "of the settings"
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
@@ -114,7 +114,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     used = conditions_of(usual, *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
-    in_force["law_version"] = law_version()
+    in_force |= {"law_version": law_version(), "masses": _origin(lab)}
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
@@ -138,8 +138,9 @@ def _predicted(name: str, gain: float, where: str) -> Quantity:
     """Return a gain with half of the search's last interval as its uncertainty."""
     text = f"largest stable gain predicted, {where}"
     if math.isinf(gain):
-        return Quantity(name, gain, math.nan, "", f"{text}; none up to {MOST:g} is unstable")
-    return Quantity(name, gain, 0.005 * gain or math.nan, "", text)
+        text = f"{text}; none up to {MOST:g} is unstable"
+        return Quantity(name, gain, math.nan, "", text, DERIVED)
+    return Quantity(name, gain, 0.005 * gain or math.nan, "", text, DERIVED)
 
 
 def limits(
@@ -210,7 +211,8 @@ def _by_hand(
     if math.isnan(gain):
         return []
     return [Quantity(f"formula_{name}", gain, math.nan, "",
-                     f"largest stable gain by the hand formula, feedback, {text}")]  # fmt: skip
+                     f"largest stable gain by the hand formula, feedback, {text}",
+                     DERIVED)]  # fmt: skip
 
 
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
@@ -244,6 +246,13 @@ def _identified(lab: Lab) -> tuple[float, float] | None:
         return weight, lab.result(inertia.NAME).value("mass")
     except MissingResult:
         return None
+
+
+def _origin(lab: Lab) -> str:
+    """Return whose masses the mechanism has."""
+    if TRUTH in lab.bench.offers:
+        return SIMULATED
+    return NOMINAL if _identified(lab) is None else IDENTIFIED
 
 
 def _weighed(lab: Lab, settings: Settings) -> Settings:

@@ -239,11 +239,13 @@ class Samples(NamedTuple):
 
 
 class Bench(Protocol):
-    """Interface of a bench. rate: samples per second [1/s]; name: for reports; offers: what trials
-    may need, of `WAYS_OUT` and TRUTH."""
+    """Interface of a bench. rate: samples per second [1/s]; name: for reports, another one for
+    another module; serial: the module's number as its controller has it, empty if unknown; offers:
+    what trials may need, of `WAYS_OUT` and TRUTH."""
 
     rate: float
     name: str
+    serial: str
     offers: frozenset[str]
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:

@@ -49,8 +49,8 @@ class ForceSensorNode(SensorNode):
         self._recent: list[ForceReading] = []  # replaced, never changed: health reads it too
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
-        self.serve(Trigger, "~/tare", self._tare)
-        self.serve(Trigger, "~/untare", self._untare)
+        self.serve(Trigger, "~/tare", self._tare, then=self.publish_health)
+        self.serve(Trigger, "~/untare", self._untare, then=self.publish_health)
 
     def connect(self) -> None:
         """Find the sensor and read its calibration."""

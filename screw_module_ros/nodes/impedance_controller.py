@@ -335,6 +335,11 @@ class ImpedanceControllerNode(Node):
         mode = self.parameters.read(ControllerSettings).mode
         return refused or Done(f"mode {mode}, {ALL_NAMES[mode]}")
 
+    @property
+    def alarm(self) -> str:
+        """The controller's latched fault."""
+        return self.part.fault.reason
+
     def health(self) -> Health:
         """Reason of a zero force, timing."""
         state, controller = self._state_message, self.part
@@ -347,7 +352,7 @@ class ImpedanceControllerNode(Node):
             "slot refused": self._slot.refused or "no",
         }
         if controller.reason:
-            return Health(ERROR if controller.faulted else WARN, controller.reason, values)
+            return Health(ERROR if self.alarm else WARN, controller.reason, values)
         if controller.output.share < 1.0 and controller.mode != OFF:
             return Health(WARN, guarded(controller.output.share), values)
         if warning := broken_contract(state):

@@ -199,14 +199,19 @@ class SupervisorNode(Node):
             self._keep(self._state)
         return Done("vertical locked" if request.data else "vertical unlocked")
 
+    @property
+    def alarm(self) -> str:
+        """Why it has stopped the robot."""
+        message = self._message
+        return "; ".join(message.reasons) if message.level == SafetyState.STOPPED else ""
+
     def health(self) -> Health:
         """Permission, and the reasons against it."""
         message, now = self._message, self.clock.now_ns()
         ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._sources.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
-        reason = "; ".join(message.reasons)
         if message.level == SafetyState.STOPPED:
-            return Health(ERROR, reason, values)
+            return Health(ERROR, self.alarm, values)
         if message.level == SafetyState.WAITING:
-            return Health(WARN, f"waiting: {reason}", values)
+            return Health(WARN, f"waiting: {'; '.join(message.reasons)}", values)
         return Health(OK, "motion permitted", values)

@@ -23,6 +23,7 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.safety.checks import HOME_AGAIN
+from screw_module_ros.safety.permit import PermitSettings
 
 from .client import RobotError
 from .robot import Robot
@@ -32,10 +33,10 @@ _HOMINGS, _TARE = ("encoder/home", "manus/home"), "force_sensor/tare"
 _ENABLINGS = {f"{drive}/enable" for drive in DRIVES}
 _MIDDLE, _BEYOND = 0.18, 0.02  # middle of the travel, and the stops' compression [m]
 _LOOK_S, _ANSWER_S = 0.02, 6.0
-_AGAIN_S = 1.5
+_AGAIN_S = 1.1
 """A homing that contradicts the last one counts when it is requested again, 1 s to 15 s later; the
 force sensor's diagnostics show a tare within 1 s."""
-_RAMP_S = 0.6  # the torque ramps in over 0.5 s
+_MORE_S = 0.1  # than the ramp, until all torque acts
 
 
 class Hand(Protocol):
@@ -214,10 +215,12 @@ def bring_up(
     hand: Hand,
     drives: Sequence[str] = DRIVES,
     deadline_s: float = 30.0,
+    ramp_s: float = PermitSettings().ramp_time,
 ) -> Operation:
     """Do what an operator would until torque acts in `mode`; return the services called.
 
-    Raises RobotError with the step that did not help, after `deadline_s` of the robot's time.
+    ramp_s: `gate.ramp_time` of the drives. Raises RobotError with the step that did not help, after
+    `deadline_s` of the robot's time.
     """
     end_ns = robot.clock.now_ns() + round(deadline_s * 1e9)
     called: dict[str, int] = {}  # the time of each service's last success [ns]
@@ -227,7 +230,7 @@ def bring_up(
         now_ns = robot.clock.now_ns()
         tared_s = 1e-9 * (now_ns - called.get(_TARE, -math.inf))
         step = next_step(look(robot, tared_s), mode, hand, drives)
-        if step is WORKS and 1e-9 * (now_ns - enabled_ns) > _RAMP_S:
+        if step is WORKS and 1e-9 * (now_ns - enabled_ns) > ramp_s + _MORE_S:
             return Operation(frozenset(called), enabled_ns)
         if now_ns > end_ns:
             raise RobotError(f"no operation: {refused or step.why}{robot.complaints_text()}")

@@ -33,7 +33,6 @@ LARGEST = 100 * 2**20
 _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _FOOTER = struct.Struct("<BQQQI")  # the same, start of the index and of its offsets, checksum
-_TAIL = _FOOTER.size + len(_MAGIC)
 _DECLARATIONS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 _NOTES: dict[int, Any] = {Opcode.METADATA: Metadata}
 _DATA: dict[int, Any] = {

@@ -21,17 +21,6 @@ from collections.abc import Callable
     FAULT,
 ) = range(8)
 
-NAMES = (
-    "not ready to switch on",
-    "switch on disabled",
-    "ready to switch on",
-    "switched on",
-    "operation enabled",
-    "quick stop active",
-    "fault reaction active",
-    "fault",
-)
-
 STATUS_BITS = (0x0000, 0x0040, 0x0021, 0x0023, 0x0027, 0x0007, 0x000F, 0x0008)
 """Bits 0 to 3, 5 and 6 of the statusword in each state."""
 

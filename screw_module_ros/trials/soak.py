@@ -32,7 +32,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.stats import theilslopes
-from screw_module_msgs.msg import AmplifierState, ForceCommand, TherapyState
+from screw_module_msgs.msg import AmplifierState, TherapyState
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.rights import ROLES, SUBSCRIBE
@@ -41,6 +41,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.figure_style import COLOURS, STYLE, save
 from screw_module_ros.recording.verify import Report, verify
 
+from ..control.modes import MODE_NAMES
 from ..nodes.support import topics
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, RobotError, arm
@@ -66,13 +67,7 @@ WARM_UP_S = 60.0
 _SHARE_OF_WARM_UP = 0.2  # of a short run
 _LEAST = 5  # samples for a slope
 _PAGES = 2.0  # MiB; normal variation of a heap, also in a short run
-_MODES = (
-    ForceCommand.IMPEDANCE,
-    ForceCommand.FRICTION_COMPENSATION,
-    ForceCommand.FORCE_FEEDBACK,
-    ForceCommand.COMBINED,
-    ForceCommand.OFF,
-)
+_MODES = tuple(reversed(MODE_NAMES))
 _QUICK_S, _QUICK_EVERY, _QUICK_CHANGE = 20.0, 1.0, 3.0
 _STEP_S = 0.02
 _PATH_S = 9.0  # once around in the plane

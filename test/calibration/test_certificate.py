@@ -11,6 +11,7 @@ from screw_module_ros.calibration.certificate import (
     LEAST,
     MOST,
     conditions_of,
+    law_version,
     load_certificate,
     text_checksum,
 )
@@ -28,11 +29,12 @@ CONDITIONS = conditions_of(LAW, RATE, 1.26e-3, 30.0)
 
 
 def written(
-    folder, gains="{force_gain: 6.28, observer_gain: 12.6}", serial=SERIAL, conditions=CONDITIONS
+    folder, gains="{force_gain: 6.28, observer_gain: 12.6}", serial=SERIAL, conditions=CONDITIONS,
+    law=None,
 ):
     text = (
         f"format: screw_module_ros/certificate\nversion: 1\nserial: {serial}\n"
-        f"date: '2026-11-22T09:30:00Z'\npermitted_gains: {gains}\n"
+        f"date: '2026-11-22T09:30:00Z'\nlaw: '{law or law_version()}'\npermitted_gains: {gains}\n"
     )
     text += yaml.safe_dump({"conditions": conditions._asdict()}) if conditions else ""
     file = folder / "module_certificate.yaml"
@@ -91,6 +93,11 @@ def test_a_certificate_without_its_conditions_is_refused(tmp_path):
         load_certificate(written(tmp_path, conditions=None), SERIAL)
     with pytest.raises(SettingError, match="conditions.delay = nan: a finite number"):
         load_certificate(written(tmp_path, conditions=CONDITIONS._replace(delay=math.nan)), SERIAL)
+
+
+def test_a_certificate_for_another_version_of_the_law_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="version 0123456789ab of the law.* run stability"):
+        load_certificate(written(tmp_path, law="0123456789ab"), SERIAL)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.compiled import compiled, packed
 from screw_module_ros.control import planar, vertical
+from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.control.planar import planar_step
 from screw_module_ros.control.vertical import VerticalInput, vertical_step
 
@@ -32,7 +33,7 @@ def test_vertical_law():
     twin, fast = packed(plain), compiled(vertical_twin)
     for _ in range(300):
         inp = VerticalInput(
-            chance.randint(0, 5),
+            chance.choice(list(MODE_NAMES)),
             chance.uniform(-0.01, 0.37),
             chance.choice([chance.uniform(-1.0, 1.0), math.nan]) if chance.random() < 0.1 else 0.2,
             chance.uniform(-50.0, 50.0),

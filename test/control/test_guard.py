@@ -219,7 +219,7 @@ def test_shaking_that_no_gain_causes_takes_no_gain_away(inp):
 
 @pytest.mark.parametrize(
     "mode",
-    [modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER],
+    [mode for mode in modes.MODE_NAMES if mode not in (modes.OFF, modes.IMPEDANCE)],
 )
 def test_shaking_in_a_mode_with_a_gain_takes_it_away(mode):
     assert law_after(REST._replace(mode=mode), sine(10.0, 120.0)).share == 0.0
@@ -271,7 +271,7 @@ def test_a_set_point_that_moves_the_hand_takes_no_gain_away(mode):
     assert height - AT > 0.02
 
 
-@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+@pytest.mark.parametrize("mode", list(filter(modes.uses_force, modes.MODE_NAMES)))
 def test_a_nut_that_stands_against_more_than_friction_is_pressed_by_nothing_else(mode):
     """An obstacle that the transducer does not feel met up to 113 N."""
     hard = law_after(REST._replace(mode=mode), lambda t: 30.0, 3.0)

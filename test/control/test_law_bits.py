@@ -28,7 +28,7 @@ from screw_module_ros.control.excitation import (
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
-from screw_module_ros.control.modes import OFF
+from screw_module_ros.control.modes import ALL_NAMES, OFF
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.setpoint import Range, SetPoint, follow
 from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, half_width_at, slot_step
@@ -116,7 +116,10 @@ def vertical_run(mode: int) -> str:
                 damping=chance.uniform(-10.0, 40.0),
             )  # fmt: skip
         if sometimes(chance, 300):
-            used = chance.randint(-1, 6) if mode == ANY_MODE else chance.choice((mode, used, OFF))
+            if mode == ANY_MODE:
+                used = chance.randint(-1, max(ALL_NAMES))
+            else:
+                used = chance.choice((mode, used, OFF))
         dt = chance.choice((0.0005, 0.002, 0.05)) if sometimes(chance, 100) else 0.001
         moved = 0.18 + size * wave(frequency * tick * 0.001)
         velocity, position = (moved - position) / 0.001, moved

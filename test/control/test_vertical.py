@@ -21,7 +21,7 @@ DT = 0.001
 REST = VerticalInput(modes.IMPEDANCE, 0.10, 0.0, 0.0, 0.18, 0.0, True)
 
 any_float = st.floats(allow_nan=True, allow_infinity=True)
-any_mode = st.integers(-1, 6)
+any_mode = st.integers(-1, max(modes.ALL_NAMES))
 real_inputs = st.builds(
     VerticalInput,
     any_mode,

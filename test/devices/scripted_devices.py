@@ -216,3 +216,24 @@ class ScriptedSensor(FarEnd):
             emit(0x12C, b"")
         elif (opcode, len(data)) == (0xF, 0):
             emit(0x12F, "02 05 01 2C")
+
+
+class ScriptedBox(FarEnd):
+    """Net F/T box: answers 02 at 0x120 with 0x125 and 0x126; its number counts requests by 7."""
+
+    def __init__(self, wire: Wire):
+        super().__init__(wire)
+        self.xy = "E8 03 0C FE 38 FF 32 00"  # Fx 1000, Tx -500, Fy -200, Ty 50
+        self.z = "A0 0F 00 00"  # Fz 4000, Tz 0
+        self.status = "00 00"
+        self.number, self.step = 0xFFFA, 7
+        self.mute = self.no_second = False
+
+    def handle(self, can_id: int, data: bytes) -> None:
+        if can_id != 0x120 or bytes(data) != b"\x02" or self.mute:
+            return
+        self.number = self.number + self.step & 0xFFFF
+        self.wire.emit(0x125, self.xy)
+        if not self.no_second:
+            number = self.number.to_bytes(2, "little").hex(" ")
+            self.wire.emit(0x126, f"{self.z} {self.status} {number}")

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pytest
-from scripted import FarEnd, Wire
+from scripted_devices import ScriptedBox
 
 from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.errors import NotAnswering, NotConfigured, Occupied
@@ -13,27 +13,6 @@ from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 SETTINGS = ForceSensorSettings(
     listen=0.0, timeout=0.02, counts_per_force=200.0, counts_per_torque=5000.0
 )
-
-
-class ScriptedBox(FarEnd):
-    """Answers 02 at 0x120 with 0x125 and 0x126; the sample number counts the requests by 7."""
-
-    def __init__(self, wire: Wire):
-        super().__init__(wire)
-        self.xy = "E8 03 0C FE 38 FF 32 00"  # Fx 1000, Tx -500, Fy -200, Ty 50
-        self.z = "A0 0F 00 00"  # Fz 4000, Tz 0
-        self.status = "00 00"
-        self.number, self.step = 0xFFFA, 7
-        self.mute = self.no_second = False
-
-    def handle(self, can_id: int, data: bytes) -> None:
-        if can_id != 0x120 or bytes(data) != b"\x02" or self.mute:
-            return
-        self.number = self.number + self.step & 0xFFFF
-        self.wire.emit(0x125, self.xy)
-        if not self.no_second:
-            number = self.number.to_bytes(2, "little").hex(" ")
-            self.wire.emit(0x126, f"{self.z} {self.status} {number}")
 
 
 @pytest.fixture

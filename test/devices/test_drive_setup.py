@@ -97,7 +97,7 @@ def test_torque_offset_of_an_earlier_program_is_cleared(wire, drive_end):
 def test_a_drive_without_a_torque_offset_may_refuse_with_any_code(wire, drive_end, code):
     drive_end.objects.pop((0x60B2, 0), None)
     drive_end.refused[0x60B2, 0] = code
-    configured(wire)
+    assert configured(wire).identity
 
 
 def test_drive_without_torque_modes_is_refused(wire, drive_end):

@@ -171,6 +171,7 @@ def test_bits_beyond_the_identifier_are_the_devices_own(node, sdo):
 
     node.written = stubborn
     pdo.configure(sdo, WANTED)
+    assert node.objects[0x1800, 1] == unsigned(0x00000185, 4)
 
 
 def test_unused_pdos_are_disabled_wherever_they_are(node, sdo):

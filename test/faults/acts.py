@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 
 _FAR = 0.01
 """Two positions that differ by this much disagree at any speed of the hand [m]."""
-_AGAIN_S = 1.5  # a homing that contradicts the last one counts the second time, after 1 s
+_AGAIN_S = 1.1  # a homing that contradicts the last one counts the second time, after 1 s
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:

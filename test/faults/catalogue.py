@@ -66,10 +66,12 @@ _HEAD = """<!-- made by `make test ARGS="test/faults --write"`; do not edit -->
 
 `make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
 time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
-moves the handle. The nodes of the vertical axis run as one process (`module`), or separately in the
-rows about one of them or about a topic between them. Each row can fail for a reason of its own;
-unit tests cover what all nodes, modes, fields or parameters have in common. Each row is a test
-below `test/faults/`: `make faults ARGS="-k encoder-freeze"` carries out one of them.
+moves the handle. Parameters are the defaults, but for the ramp of the torque: 0.25 s, half of the
+default, so that a step on recovery is twice as large. The nodes of the vertical axis run as one
+process (`module`), or separately in the rows about one of them or about a topic between them. Each
+row can fail for a reason of its own; unit tests cover what all nodes, modes, fields or parameters
+have in common. Each row is a test below `test/faults/`: `make faults ARGS="-k encoder-freeze"`
+carries out one of them.
 
 If the robot must stop, a row passes when
 

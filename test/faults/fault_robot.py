@@ -45,7 +45,12 @@ _ONE_SENDER = {
 }
 """Topics with a single publisher: with two, their subscribers enable no drive. The middleware
 drops a killed publisher after 20 s of wall clock."""
-_FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={RATE / 2}")
+_RAMP_S = 0.25  # half of the default: a step at the way back would be twice as large
+_SETTINGS = {
+    "sim_rig": ("speed:=0.0", f"truth_rate:={RATE / 2}"),
+    "amplifier": (f"gate.ramp_time:={_RAMP_S}",),
+    "manus": (f"gate.ramp_time:={_RAMP_S}",),
+}
 _WALL = WallClock()
 
 
@@ -67,7 +72,9 @@ class FaultRobot(Robot):
         self._game_due_ns = 0
         self._frozen: set[str] = set()
         self._restarted: set[str] = set()
-        extra = [*_FAST, "--disable-stdout-logs", *recordings_in(folder)]
+        given = [f"{node}:{one}" for node, several in _SETTINGS.items() for one in several]
+        extra = [word for one in given for word in ("-p", one)]
+        extra += ["--disable-stdout-logs", *recordings_in(folder)]
         self.graph = GraphRun(extra=extra, composed=not apart)
         self.graph.__enter__()
         try:
@@ -137,7 +144,7 @@ class FaultRobot(Robot):
         self.await_restarted()
         self.setpoint = SPRING
         self.hand.rest()
-        return bring_up(self, mode, self.hand)
+        return bring_up(self, mode, self.hand, ramp_s=_RAMP_S)
 
     def mend(self, row: Row) -> None:
         """Remove the cause; wait for restarted nodes, which might enable a drive by themselves."""

@@ -85,6 +85,7 @@ def judge_stays_off(robot: FaultRobot, row: Row, begin: float) -> None:
     record.look()
     record.ever_enabled.clear()
     quiet = robot.time
+    robot.hand.rest()  # for the way back; the set point stays off the hand
     robot.until(quiet + row.watch)
     # From the row's limit on, not only since the cause has gone.
     moments = record.since(min(begin + row.longest, quiet))

@@ -34,7 +34,7 @@ class Device(NamedTuple):
     """A device of the rig.
 
     noticed_by: its driver; within: samples from its silence to zero torque of its own axis;
-    garbage: report of random payloads, of which the first wrong value decides the message;
+    garbage: report of random payloads: the first wrong value decides which of its alarms;
     kinds: names of the faults.
     """
 
@@ -82,24 +82,36 @@ _ENCODER = Report("impedance_controller", "encoder:", "encoder")
 _FORCE = Report("impedance_controller", "force sensor", "force")
 _DRIVE = Report("amplifier", "drive", "amplifier")
 _JOINT = Report("manus", "drive|position", "manus")
+_BAD_ENCODER = Report(
+    "impedance_controller",
+    "encoder: (no sample|jumped by|.*(faster than|outside the travel))",
+    "impedance_controller: encoder|encoder: ",
+)
+_BAD_FORCE = Report(
+    "impedance_controller", r"force sensor: .*(status bit|on the handle|no sample)", "force sensor:"
+)
+_BAD_DRIVE = Report(
+    "amplifier", "drive (left operation enabled|gives .* of torque)", "amplifier: the vertical"
+)
+_BAD_JOINT = Report("manus", "drive (jumped|left operation enabled|gives .* of torque)", "manus: ")
 # Faults that meet the same code in all devices are injected into one of them: wrong lengths and
 # identifiers, foreign frames, floods. For its node a silent sensor is the same for any reason. The
 # driver of the vertical drive also reads both joints.
 DEVICES = (
-    Device("encoder", "impedance_controller", SILENT, _ENCODER, _ENCODER, (HOME, *MISSED),
+    Device("encoder", "impedance_controller", SILENT, _ENCODER, _BAD_ENCODER, (HOME, *MISSED),
            ("cable_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
             "reorder", "delay-3ms", "flood")),
-    Device("force_sensor", "impedance_controller", SILENT, _FORCE, _FORCE,
+    Device("force_sensor", "impedance_controller", SILENT, _FORCE, _BAD_FORCE,
            (TARE, PLANE_CLEAR, *MISSED),
            ("cable_out", "truncate", "garbage", "drop", "duplicate", "reorder", "delay-3ms",
             "foreign_ids")),
-    Device("drive", "amplifier; the drive itself", COMMAND + 2 + DYING, _DRIVE, _DRIVE,
+    Device("drive", "amplifier; the drive itself", COMMAND + 2 + DYING, _DRIVE, _BAD_DRIVE,
            (CLEAR, *STOPPED),
            ("cable_out", "bus_off", "mute", "truncate", "wrong_id", "garbage", "delay-500ms",
             "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
-    Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _JOINT, PLANE_BACK,
-           ("cable_out", "bus_off", "garbage", "drop")),
-    Device("elbow", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _JOINT, PLANE_BACK,
+    Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _BAD_JOINT,
+           PLANE_BACK, ("cable_out", "bus_off", "garbage", "drop")),
+    Device("elbow", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _BAD_JOINT, PLANE_BACK,
            ("cable_out",)),
 )  # fmt: skip
 _PLANAR = ("shoulder", "elbow")

@@ -15,10 +15,11 @@ from collections.abc import Callable
 
 import can
 from runner import sentence
-from scripted import ScriptedNode, Wire
-from scripted_devices import ScriptedDrive, ScriptedEncoder, ScriptedSensor
+from scripted import FarEnd, Wire
+from scripted_devices import ScriptedBox, ScriptedDrive, ScriptedEncoder, ScriptedSensor
 
 from screw_module_ros.devices import drive_group
+from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
@@ -30,6 +31,8 @@ from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 _DRIVE = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 _ENCODER = EncoderSettings(listen=0.0, sdo_timeout=0.02)
 _SENSOR = ForceSensorSettings(listen=0.0, timeout=0.02, tare_samples=2)
+_BOX = _SENSOR._replace(counts_per_force=200.0, counts_per_torque=5000.0)
+_SENSORS = ((ScriptedSensor, ForceSensor, _SENSOR), (ScriptedBox, NetForceSensor, _BOX))
 _IDS = (
     [0x000, 0x080, 0x100, 0x770, 0x701, 0x702, 0x7E5]
     + [base + node for base in (0x080, 0x180, 0x200, 0x280, 0x580, 0x600) for node in (1, 2)]
@@ -101,8 +104,8 @@ class CanFrames:
         _sentences(encoder.fault, *encoder.warnings)
 
     def _sensor(self, rng: random.Random, wire: Wire) -> None:
-        end = ScriptedSensor(wire)
-        sensor = ForceSensor(wire.port, _SENSOR)
+        device, driver, settings = rng.choice(_SENSORS)
+        end, sensor = device(wire), driver(wire.port, settings)
         if not self._start("force sensor", rng, wire, end, sensor):
             return
         for number in range(60):
@@ -159,7 +162,7 @@ class CanFrames:
         self.counts["frames"] += 1
 
 
-def _babbles(rng: random.Random, wire: Wire, end: ScriptedNode | ScriptedSensor) -> None:
+def _babbles(rng: random.Random, wire: Wire, end: FarEnd) -> None:
     """Let a device send some of its frames damaged, twice or not at all."""
     emit = wire.emit
 

@@ -34,7 +34,7 @@ class Module(NamedTuple):
 class FakeBench:
     """Samples of `Module`, made by formulas."""
 
-    rate, name, offers = 2000.0, "made by formulas", frozenset(WAYS_OUT)
+    rate, name, serial, offers = 2000.0, "made by formulas", "", frozenset(WAYS_OUT)
 
     def __init__(self, module: Module | None = None):
         self.module = module or Module()

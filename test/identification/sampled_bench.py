@@ -16,7 +16,7 @@ KNOWN_DELAY = 60e-6
 class SampledBench:
     """Answers a TorqueTrial with the exact sines of its models, and noise."""
 
-    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
+    rate, name, serial, offers = 2000.0, "fake", "", frozenset(WAYS_OUT)
 
     def __init__(self, damping=5.0, delay=280e-6, noise=0.0012):
         self.delay, self.noise = delay + KNOWN_DELAY, noise

@@ -18,7 +18,7 @@ FEW = Settings(low=100.0, per_decade=8, shortest=0.02)
 class FakeBench:
     """An amplifier without a dead zone, with a pole and a delay of its own, and noise."""
 
-    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
+    rate, name, serial, offers = 2000.0, "fake", "", frozenset(WAYS_OUT)
 
     def __init__(self, pole=800.0, delay=85e-6, noise=0.02):
         self.pole, self.delay, self.noise = pole, delay, noise

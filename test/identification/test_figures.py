@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 from friction_bench import FakeBench
+from test_kept_results import SETTINGS
 
 from screw_module_ros.identification import figures
 from screw_module_ros.identification.experiments import EXPERIMENTS
@@ -15,11 +16,9 @@ from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 
 SPRING = Spring(100.0, 0.18)
-ON_THE_MODULE = (
-    "force_position", "force_gain", "force_error", "planar_error", "stability",
-    "delivered_impedance", "compensation", "robustness",
-)  # fmt: skip
-"""Experiments that formulas cannot stand in for; `test_kept_results.py` has the others."""
+ON_THE_MODULE = [name for name in EXPERIMENTS if name not in {*SETTINGS, "calibration"}]
+"""Experiments that formulas cannot stand in for; `test_kept_results.py` draws the others, and
+`calibration` writes a file."""
 
 
 def loop(name: str, beyond: float, samples: int = 20_000) -> Trace:

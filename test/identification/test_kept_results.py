@@ -31,7 +31,7 @@ SAMPLED = ("current_response", "torque_response")
 SIMULATED = ("static_torque", "amplifier_response")
 # Of torques rounded to the drive's steps: the last bit of a sine, which is the processor's, decides
 # about the largest and about what lacks to 1. `test_static_torque` holds their bounds.
-OF_THE_LAST_BIT = ("largest_left", "largest_at_handle", "correlation, uncertainty")
+OF_THE_LAST_BIT = ("largest_left", "largest_at_handle", "correlation, uncertainty", "lack")
 
 
 def measured(name: str, folder: Path, bench: object) -> Result:

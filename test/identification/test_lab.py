@@ -35,7 +35,7 @@ SPEEDS = (0.01, 0.02, 0.05)
 class CountingBench:
     """Gives a sample per trial and counts."""
 
-    rate, name, offers = 1000.0, "counting", frozenset({STAGE})
+    rate, name, serial, offers = 1000.0, "counting", "", frozenset({STAGE})
 
     def __init__(self):
         self.done = []

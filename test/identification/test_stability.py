@@ -14,6 +14,7 @@ from screw_module_ros.calibration.certificate import (
     OBSERVED,
     Conditions,
     conditions_of,
+    law_version,
     load_certificate,
 )
 from screw_module_ros.calibration.module import thesis_friction
@@ -188,7 +189,7 @@ RIGID = stability.Settings(mount_stiffness=0.0)
 class Nothing:
     """A bench without a module."""
 
-    rate, name, offers = 1000.0, "no module", frozenset(WAYS_OUT)
+    rate, name, serial, offers = 1000.0, "no module", "", frozenset(WAYS_OUT)
 
 
 def test_experiment_predicts_without_a_simulated_module(tmp_path):
@@ -211,27 +212,42 @@ def test_a_loop_that_no_gain_makes_unstable_is_said(tmp_path, monkeypatch):
     assert "none up to 100 is unstable" in result.quantity("feedback_free").text
 
 
-def test_gains_of_another_version_of_the_law_make_no_certificate(tmp_path):
-    old = Result("stability", (), {"law_version": "of last year"}, (), {})
-    old.save(tmp_path)
+def test_gains_of_another_law_or_module_make_no_certificate(tmp_path):
+    found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
     delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
-    with pytest.raises(MissingResult, match="version of last year of the law"):
-        certificate.write(Lab(Nothing(), tmp_path), delivered, "ARM-0007")
-    assert not list(tmp_path.glob("module_certificate*")), "nor a half of one"
+    for change, bench, said in (
+        ({"law_version": "of last year"}, "", "version of last year of the law"),
+        ({"masses": stability.NOMINAL}, "", "run gravity and inertia"),
+        ({}, "live graph, hardware, module ARM-0008", "from another bench .*ARM-0008"),
+    ):
+        Result("stability", (), found | change, (), {}, bench).save(tmp_path)
+        with pytest.raises(MissingResult, match=said):
+            certificate.write(Lab(Nothing(), tmp_path), delivered, "ARM-0007")
+        assert not list(tmp_path.glob("*module_certificate*")), "nor a half of one"
 
 
 def test_hardware_has_no_serial_of_a_simulated_module(tmp_path):
-    hardware = SimpleNamespace(offers=frozenset({MOTION}))
-    simulated = SimpleNamespace(offers=frozenset({MOTION, RELEASE}))
+    hardware = SimpleNamespace(offers=frozenset({MOTION}), serial="")
+    simulated = SimpleNamespace(offers=frozenset({MOTION, RELEASE}), serial="")
     with pytest.raises(ValueError, match="SIM-0001 is a simulated module's"):
         certificate.own_serial(Lab(hardware, tmp_path), "SIM-0001")
     assert certificate.own_serial(Lab(hardware, tmp_path), "ARM-0007") == "ARM-0007"
     assert certificate.own_serial(Lab(simulated, tmp_path), "SIM-0001") == "SIM-0001"
+    hardware.serial = "ARM-0008"
+    with pytest.raises(ValueError, match="ARM-0007 is not the module_serial of impedance_contr"):
+        certificate.own_serial(Lab(hardware, tmp_path), "ARM-0007")
+
+
+def identified(folder, weight, mass):
+    """Keep results of the two experiments that weigh a module [N], [kg]."""
+    for name, quantity, value in (("gravity", "gravity", weight), ("inertia", "mass", mass)):
+        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(folder)
 
 
 def assert_certified(result, folder):
     """Check that the certificate permits what is stable on hand, heavy arm and damped wall."""
-    result.save(folder)
+    weighed = result.settings | {"masses": stability.IDENTIFIED}
+    result._replace(settings=weighed).save(folder)
     delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
     certificate.write(Lab(Nothing(), folder), delivered, "ARM-0007")
     permitted = load_certificate(folder / certificate.FILE, "ARM-0007")
@@ -282,8 +298,7 @@ def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkey
     """
     walls = {name: stability.ENVIRONMENTS[name] for name in ("wall", "light_wall")}
     monkeypatch.setattr(stability, "ENVIRONMENTS", walls)
-    for name, quantity, value in (("gravity", "gravity", 10.04), ("inertia", "mass", 7.0)):
-        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
+    identified(tmp_path, 10.04, 7.0)
     found = stability.run(Lab(Nothing(), tmp_path), RIGID)
     assert (found.settings["mass"], found.settings["observer_inertia"]) == (7.0, KNOWN_SHARE)
     own = Mechanism()._replace(nut_mass=7.0 - 10.04 / 9.81, handle_mass=10.04 / 9.81)
@@ -297,7 +312,6 @@ def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkey
 
 
 def test_a_counterbalanced_handle_counts_with_the_least_mass(tmp_path):
-    for name, quantity, value in (("gravity", "gravity", -0.2), ("inertia", "mass", 5.0)):
-        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
+    identified(tmp_path, -0.2, 5.0)
     found = stability._weighed(Lab(Nothing(), tmp_path), stability.Settings())
     assert (found.nut_mass, found.handle_mass) == (4.95, 0.05)

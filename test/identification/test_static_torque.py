@@ -28,7 +28,7 @@ LAG = 3  # samples from command to torque
 class FakeBench:
     """A motor with `gain` Nm of torque for a Nm of command beyond a soft dead zone, and noise."""
 
-    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
+    rate, name, serial, offers = 2000.0, "fake", "", frozenset(WAYS_OUT)
 
     def __init__(self, gain=0.95, noise=0.0012):
         self.gain, self.noise = gain, noise

@@ -45,7 +45,7 @@ def run(controller: VerticalController, ticks: range, force: float | None = None
         assert controller.on_encoder(EncoderReading(tick, now, 0, 0, 0.18, 0.0, True), now)
 
 
-@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+@pytest.mark.parametrize("mode", list(filter(modes.uses_force, modes.MODE_NAMES)))
 def test_no_force_is_fed_back_that_nobody_measures(mode):
     controller = controller_in(mode)
     run(controller, range(1, 3000))

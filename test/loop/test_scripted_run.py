@@ -18,6 +18,7 @@ from functools import partial
 
 import pytest
 
+from screw_module_ros.control.modes import FORCE_FEEDBACK, MODE_NAMES, OFF
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
@@ -43,7 +44,7 @@ def _phases(bench: Bench):
     bench.world.set_arm(_STROKE)
     bench.setpoint = (0.22, 0.05)
     bench.planar_setpoint = (0.06, -0.05, 0.02, 0.0)
-    for mode in (1, 2, 3, 4, 5, 0, 3):
+    for mode in (*(mode for mode in MODE_NAMES if mode != OFF), OFF, FORCE_FEEDBACK):
         yield f"mode {mode}", lambda mode=mode: _moved(bench, mode)
     bench.rig.inject("encoder", "freeze", 0.0, 0.0, bench.now_ns)
     yield "encoder frozen", lambda: bench.seconds(0.3)

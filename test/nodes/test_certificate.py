@@ -7,7 +7,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from screw_module_msgs.srv import SetControlMode
 
-from screw_module_ros.calibration.certificate import conditions_of, text_checksum
+from screw_module_ros.calibration.certificate import conditions_of, law_version, text_checksum
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,
@@ -30,7 +30,7 @@ def controller(make_node, tmp_path):
     def made(conditions=CONDITIONS, **others):
         text = (
             f"format: screw_module_ros/certificate\nversion: 1\nserial: {SERIAL}\n"
-            "date: '2026-11-22T09:30:00Z'\n"
+            f"date: '2026-11-22T09:30:00Z'\nlaw: '{law_version()}'\n"
             "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
         )
         text += yaml.safe_dump({"conditions": conditions._asdict()})

@@ -251,7 +251,9 @@ def test_a_page_with_the_wrong_token_says_so(stage, browser):
     page.get_by_text("Not let in: wrong token").wait_for(timeout=DEADLINE_MS)
     page.goto(f"{stage.address}/therapist#token={stage.tokens.patient}")
     page.reload()
-    page.get_by_text("This token is the patient's").wait_for(timeout=DEADLINE_MS)
+    said = page.get_by_text("This token is the patient's")
+    said.wait_for(timeout=DEADLINE_MS)
+    assert said.is_visible()
     page.close()
 
 

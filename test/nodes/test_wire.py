@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
+from screw_module_ros.control.modes import ALL_NAMES
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
 from screw_module_ros.loop.controller import NO_FORCE
@@ -58,7 +59,10 @@ def test_force_samples(reading):
     assert FORCE.unpack(serialize_message(message)) == FORCE.unpack(data) == reading
 
 
-@given(encoders, st.lists(number, min_size=6, max_size=6), st.integers(0, 6), st.booleans())
+@given(
+    encoders, st.lists(number, min_size=6, max_size=6), st.sampled_from(list(ALL_NAMES)),
+    st.booleans(),
+)  # fmt: skip
 def test_force_commands(sample, values, mode, saturated):
     output = VerticalOutput(*values, saturated, 0.0, 0.0)
     data = pack_command(sample, output, mode)

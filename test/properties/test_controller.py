@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.limits import LONGEST_STEP
-from screw_module_ros.control.modes import OBSERVER
+from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OFF, uses_force
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -19,6 +19,8 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = thesis_friction()
 ROUNDING = 1e-9
+SPRINGS = [mode for mode in MODE_NAMES if mode != OFF]
+FEEDBACKS = list(filter(uses_force, MODE_NAMES))
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
 offs = st.sampled_from((0, 0, 0, 1, -1, 2))  # of a sample's number, from that of its tick
 setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))
@@ -95,7 +97,7 @@ class Controller(RuleBasedStateMachine):
             sample = EncoderReading(*begin, 0, position, 0.0, True)
             self.judge(self.respond(sample, setpoint))
 
-    @rule(mode=st.integers(1, OBSERVER), count=st.integers(20, 200), setpoint=setpoints)
+    @rule(mode=st.sampled_from(SPRINGS), count=st.integers(20, 200), setpoint=setpoints)
     def bring_up(self, mode, count, setpoint):
         """From whatever there was to a force on the handle."""
         self.controller.mode = mode
@@ -104,7 +106,7 @@ class Controller(RuleBasedStateMachine):
         self.amplifier(True, 0.0)
         self.work(count, 0.18, setpoint)
 
-    @rule(mode=st.integers(3, OBSERVER), pull=st.floats(-80.0, 80.0), count=st.integers(1, 20))
+    @rule(mode=st.sampled_from(FEEDBACKS), pull=st.floats(-80.0, 80.0), count=st.integers(1, 20))
     def pull(self, mode, pull, count):
         """The patient's hand comes suddenly, while its force is fed back."""
         self.bring_up(mode, 100, (0.18, 0.0))
@@ -124,7 +126,7 @@ class Controller(RuleBasedStateMachine):
         self.now_ns += wait
         self.judge(self.controller.idle(self.now_ns))
 
-    @rule(mode=st.integers(-1, 6), change=live_changes(VerticalSettings))
+    @rule(mode=st.integers(-1, max(ALL_NAMES)), change=live_changes(VerticalSettings))
     def operator(self, mode, change):
         self.controller.mode = mode
         changed = self.controller.settings._replace(**dict([change]))

@@ -48,7 +48,7 @@ class VerticalLaw(RuleBasedStateMachine):
         self.force = 0.0
         self.since_zero = 0.0
 
-    @rule(mode=st.integers(-1, 6))
+    @rule(mode=st.integers(-1, max(modes.ALL_NAMES)))
     def switch(self, mode):
         self.mode = mode
 

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from screw_module_ros.control.limits import LONGEST_STEP, CommandLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
-from screw_module_ros.control.modes import FORCE_FEEDBACK, OBSERVER
+from screw_module_ros.control.modes import FORCE_FEEDBACK, MODE_NAMES, OFF
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.safety.permit import CLOSED, OPEN
@@ -35,7 +35,7 @@ FAULTS = st.sampled_from(
 class WholeAxis(RuleBasedStateMachine):
     """An operator, a game and bad luck, each doing anything; every tick is judged."""
 
-    @initialize(mode=st.integers(1, OBSERVER))
+    @initialize(mode=st.sampled_from([mode for mode in MODE_NAMES if mode != OFF]))
     def begin(self, mode):
         self.bench = Bench()
         self.bench.ready()
@@ -81,7 +81,10 @@ class WholeAxis(RuleBasedStateMachine):
         before, self.acted_ns = self.acted_ns, self.bench.controller.answered.monotonic_ns
         return min((self.acted_ns - before) * 1e-9, LONGEST_STEP)
 
-    @rule(mode=st.integers(0, OBSERVER), setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)))
+    @rule(
+        mode=st.sampled_from(list(MODE_NAMES)),
+        setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)),
+    )
     def play(self, mode, setpoint):
         self.bench.controller.mode, self.bench.setpoint = mode, setpoint
         self.work(40)

@@ -98,9 +98,9 @@ def test_a_target_outside_the_workspace_is_refused(workspace, name, told):
 
 def test_axes_a_protocol_does_not_use_do_not_count():
     narrow = WishLimits(half_width=0.0, half_depth=0.0)
-    allowed_protocol(protocol_text("elevator"), "elevator", AssistanceLimits(), narrow)
     flat = WishLimits(low=0.0, high=0.0)
-    allowed_protocol(protocol_text("clock_adaptive"), "c", AssistanceLimits(), flat)
+    for name, limits in (("elevator", narrow), ("clock_adaptive", flat)):
+        assert allowed_protocol(protocol_text(name), name, AssistanceLimits(), limits)
 
 
 def test_what_is_no_protocol_is_told_as_such():

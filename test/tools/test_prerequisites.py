@@ -65,7 +65,7 @@ def test_a_full_disk_is_said_before_it_is_full(
 
 @pytest.mark.parametrize("path", ["/home/a b/x", "/home/Zoë/ü", "/a/c++_d-e.f@1"])
 def test_a_path_with_spaces_or_letters_of_any_language_is_fine(path: str) -> None:
-    prerequisites.check_path(Path(path), ros=None)
+    assert prerequisites.check_path(Path(path), ros=None) is None
 
 
 @pytest.mark.parametrize("letter", [*":;,$(%='\"#\n", "\udcff", "\u00a0"])

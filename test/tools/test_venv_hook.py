@@ -20,6 +20,7 @@ from screw_module_msgs.msg import SimTruth
 rclpy.init()
 node = rclpy.create_node("probe")
 node.create_publisher(SimTruth, "truth", 1)
+print(node.get_name())
 node.destroy_node()
 rclpy.shutdown()
 """
@@ -38,7 +39,8 @@ def python(*arguments: str, **changes: str | None) -> str:
 @with_wheels
 @pytest.mark.parametrize("done", [None, "1"])
 def test_ros_and_messages_are_found_whatever_was_inherited(done: str | None) -> None:
-    python("-c", PUBLISHER, LD_LIBRARY_PATH=None, AMENT_PREFIX_PATH=None, **{WHEELS_DONE: done})
+    left = {"LD_LIBRARY_PATH": None, "AMENT_PREFIX_PATH": None, WHEELS_DONE: done}
+    assert python("-c", PUBLISHER, **left) == "probe\n"
 
 
 @with_wheels

@@ -127,8 +127,10 @@ class LiveBench:
         with self.clock.working():
             check_screw(robot, "encoder")
             self.rate = common_rate(robot)
+            self.serial = robot.parameters(CONTROLLER, ("module_serial",))["module_serial"]
         self.offers = frozenset({TORQUE, STAGE, MOTION, *([RELEASE] if fixture.simulated else [])})
-        self.name = f"live graph, {'simulated rig' if fixture.simulated else 'hardware'}"
+        place = "simulated rig" if fixture.simulated else "hardware"
+        self.name = f"live graph, {place}, module {self.serial or 'without a serial'}"
 
     def __enter__(self) -> LiveBench:
         self._robot.watch = self._watch

@@ -197,7 +197,7 @@ class CharacterizeNode(Node):
         ) as fixture, LiveBench(robot, self._publish, fixture, parts, say, left, hurried) as bench:
             result = experiment.run(Lab(bench, folder, feedback.progress, bench.fingerprint()),
                                     settings)  # fmt: skip
-        return result._replace(notes=(*result.notes, *bench.notes))
+        return result._replace(notes=(*result.notes, *bench.notes), bench=bench.name)
 
     def health(self) -> Health:
         """The running experiment."""

@@ -115,7 +115,6 @@ class SensorNode(DriverNode):
     def __init__(self, name: str):
         super().__init__(name)
         self._rate = RateMeter()
-        self._reported = ""
         self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
 
     def add_device(self, device: Any, topic: str, decimated: str) -> None:
@@ -133,7 +132,6 @@ class SensorNode(DriverNode):
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
-        self._reported = self.device.fault
 
     def step(self) -> None:
         """One tick: request out, reading in, sample out."""
@@ -145,15 +143,10 @@ class SensorNode(DriverNode):
         if sequence % self._slow_every == 0:
             self._publish_slow(data)
 
-    def leaves(self) -> None:
-        """End the step; a fault, or its end, is on /diagnostics at once.
-
-        The supervisor must not permit motion meanwhile.
-        """
-        if self.device.fault != self._reported:
-            self._reported = self.device.fault
-            self.publish_health()
-        super().leaves()
+    @property
+    def alarm(self) -> str:
+        """The device's latched fault."""
+        return self.device.fault
 
     def _poll_slow(self) -> None:
         """Read the device's slow values, such as alarms or voltages."""
@@ -172,8 +165,8 @@ class SensorNode(DriverNode):
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }
-        if device.fault:
-            return Health(ERROR, device.fault, values)
+        if self.alarm:
+            return Health(ERROR, self.alarm, values)
         if rate < 0.5e9 / self.period_ns:
             return Health(ERROR, f"only {rate:.0f} samples/s", values)
         return Health(OK, "sampling", values)

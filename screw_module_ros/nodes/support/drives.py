@@ -131,11 +131,16 @@ class DriveNode(DriverNode):
             return refused or Done("enabled")
         return self.permit.disable(self.clock) or Done("disabled")
 
+    @property
+    def alarm(self) -> str:
+        """The gate's latched fault."""
+        return self.permit.reason if self.permit.faulted else ""
+
     def drive_health(self, values: dict, state: Any) -> Health:
         """Return the diagnostics with these values; state: the newest state message."""
         permit = self.permit
-        if permit.faulted:
-            return Health(ERROR, permit.reason, values)
+        if self.alarm:
+            return Health(ERROR, self.alarm, values)
         warnings = [drive.danger for drive in self.drives] if permit.enabled else []
         warnings.append(self._permission.warning)
         warnings += [warning for drive in self.drives for warning in drive.warnings]

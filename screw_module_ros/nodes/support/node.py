@@ -40,7 +40,7 @@ class Node(LifecycleNode):
     whole values or by requests that the loop carries out (see `loop/requests`).
 
     Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
-    the lifecycle), `health`, `refusal`, `fixed` and `changed`.
+    the lifecycle), `alarm`, `health`, `refusal`, `fixed` and `changed`.
 
     clock: the one clock of this process. stopping: set when the process is to end. periodic: calls
     of the service thread. phase: lifecycle state. failure: of the last transition, empty without.
@@ -72,6 +72,7 @@ class Node(LifecycleNode):
         self.parameters = Parameters(self, self.changed, self.fixed, self.refusal)
         self.parameters.declare(StartSettings, realtime=RealtimeSettings)
         self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
+        self._reported = ""
         self.periodic.every(self.clock, 1.0, self.publish_health)
         self.service = ServiceThread(self, self.periodic)
 
@@ -106,6 +107,11 @@ class Node(LifecycleNode):
     def disconnect(self) -> None:
         """Close what `connect` opened (lifecycle cleanup), also after a failed `connect`."""
         self.opened.close()
+
+    @property
+    def alarm(self) -> str:
+        """The latched fault or stop of an active node: its diagnostics entry shows it at once."""
+        return ""
 
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
@@ -329,7 +335,13 @@ class Node(LifecycleNode):
         return False
 
     def leaves(self) -> None:
-        """End the step."""
+        """End the step; an alarm, or its end, is on /diagnostics at once.
+
+        An operator sees it, and the supervisor permits no motion meanwhile.
+        """
+        if self.alarm != self._reported:
+            self._reported = self.alarm
+            self.publish_health()
         self._stepping.release()
 
     def wait_for_activation(self) -> None:

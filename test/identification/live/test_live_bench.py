@@ -126,7 +126,8 @@ class TestSamples:
             bag(list(ticks), list(force_ticks)).samples(20, 100, BEFORE, AFTER)
 
     def test_outside_of_the_trial_may_be_missing(self):
-        bag([*range(12), *range(20, 120), *range(180, 200)]).samples(20, 100, BEFORE, AFTER)
+        found = bag([*range(12), *range(20, 120), *range(180, 200)])
+        assert len(found.samples(20, 100, BEFORE, AFTER).time) == 100
 
     def test_with_a_fault_of_the_sensor_are_lost(self):
         bad = np.where((np.arange(200) >= 50) & (np.arange(200) < 90), 1 << 6, 0)
@@ -315,7 +316,8 @@ class StillRobot:
         self.watch = lambda: None
 
     def parameters(self, node, names):
-        return {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True}
+        own = {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True, "module_serial": "ARM-0007"}
+        return {name: own[name] for name in names}
 
     def enable(self, on=True):
         self.done.append("torque on" if on else "torque off")
