@@ -103,7 +103,7 @@ def test_it_is_of_the_law_that_the_calibration_makes(tmp_path):
     """Beside gains for the identified mass stood the impedance of the default law."""
 
     class Asked:
-        rate, name, offers = 1000.0, "asked", frozenset(WAYS_OUT)
+        rate, name, serial, offers = 1000.0, "asked", "", frozenset(WAYS_OUT)
 
         def record(self, trial, told):
             assert (trial.settings.gravity, trial.settings.mass) == (8.7, 5.1)

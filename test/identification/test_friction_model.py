@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import yaml
+from friction_bench import FakeBench
 
 from screw_module_ros.calibration.module import (
     FRICTION_FORMAT,
@@ -66,7 +67,7 @@ def keep_maps(folder, model, noise: float = 0.1, missing: bool = True) -> None:
 
 def fitted(folder, model, **keep):
     keep_maps(folder, model, **keep)
-    return friction_model.run(Lab(None, folder), Settings())
+    return friction_model.run(Lab(FakeBench(), folder), Settings())
 
 
 @pytest.mark.parametrize(("phase", "flip"), [(0.385, 212.5), (-2.6, -1.0)])
@@ -118,7 +119,7 @@ def test_the_arrays_agree_with_the_controller_s_function():
 
 def cut(folder, **kept) -> None:
     """Empty the bins of the maps, by name, whose height is not kept."""
-    maps = Lab(None, folder).result(friction_map.NAME)
+    maps = Lab(FakeBench(), folder).result(friction_map.NAME)
     for way, there in kept.items():
         maps.data[way][:, ~there] = np.nan
     maps.save(folder)
@@ -134,14 +135,14 @@ def test_heights_that_do_not_determine_the_polynomials_are_refused(tmp_path, the
     keep_maps(tmp_path, THESIS)
     cut(tmp_path, up=there, down=there)
     with pytest.raises(ValueError, match="the map up does not determine the model's form"):
-        friction_model.run(Lab(None, tmp_path), Settings())
+        friction_model.run(Lab(FakeBench(), tmp_path), Settings())
 
 
 def test_no_direction_is_extrapolated_to_heights_of_the_other(tmp_path):
     """Above the highest bin of one direction its polynomial gave 4 to 750 N."""
     keep_maps(tmp_path, THESIS)
     cut(tmp_path, up=Z < 300.0)
-    model = friction_model_of(friction_model.run(Lab(None, tmp_path), Settings()))
+    model = friction_model_of(friction_model.run(Lab(FakeBench(), tmp_path), Settings()))
     assert (model.low_mm, model.high_mm) == (0.0, 300.0)
     for z in np.linspace(0.0, 0.3, 301):
         there = friction_force(model, z, 0.02)
