@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from .results import Result, load_result
+from .results import Experiment, Result, load_result
 from .trials import AnyTrial, Bench, Samples, duration_of, require
 
 Part = dict[str, np.ndarray]
@@ -97,9 +97,9 @@ class Lab:
             self.progress(experiment, done, total)
         return {name: parts[name] for name in trials}
 
-    def keep(self, result: Result) -> list[Path]:
-        """Store a result of this bench; return its files. Raises OSError."""
-        return result._replace(bench=self.bench.name).save(self.folder)
+    def run(self, experiment: Experiment, settings: Any) -> Result:
+        """Run an experiment; its result says on which bench. Raises as the experiment's `run`."""
+        return experiment.run(self, settings)._replace(bench=self.bench.name)
 
     def result(self, experiment: str) -> Result:
         """Return the stored result of an experiment. Raises MissingResult that names it.

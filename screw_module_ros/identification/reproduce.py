@@ -140,8 +140,8 @@ def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
     for end in (".yaml", ".npz"):  # of an earlier run: a failure must not leave it to the others
         (lab.folder / f"{experiment}{end}").unlink(missing_ok=True)
     try:
-        result = entry.run(lab, settings)
-        lab.keep(result)
+        result = lab.run(entry, settings)
+        result.save(lab.folder)
     except (ValueError, NotPossible, MissingResult) as error:
         return Outcome(None, str(error), time.monotonic() - begun)
     return Outcome(result, "", time.monotonic() - begun)

@@ -62,7 +62,7 @@ class Result(NamedTuple):
 
     experiment: its name; quantities; settings: their plain values; notes: sentences for the report;
     data: arrays for figures and for later experiments; bench: name of the one it is from, set by
-    `Lab.keep`.
+    `Lab.run`.
     """
 
     experiment: str

@@ -210,8 +210,9 @@ class SupervisorNode(Node):
         message, now = self._message, self.clock.now_ns()
         ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._sources.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
+        reason = "; ".join(message.reasons)
         if message.level == SafetyState.STOPPED:
-            return Health(ERROR, self.alarm, values)
+            return Health(ERROR, reason, values)
         if message.level == SafetyState.WAITING:
-            return Health(WARN, f"waiting: {'; '.join(message.reasons)}", values)
+            return Health(WARN, f"waiting: {reason}", values)
         return Health(OK, "motion permitted", values)

@@ -195,9 +195,9 @@ class CharacterizeNode(Node):
         with closing(
             RigFixture(robot) if seen else OperatorFixture(robot, self._confirmed, say)
         ) as fixture, LiveBench(robot, self._publish, fixture, parts, say, left, hurried) as bench:
-            result = experiment.run(Lab(bench, folder, feedback.progress, bench.fingerprint()),
-                                    settings)  # fmt: skip
-        return result._replace(notes=(*result.notes, *bench.notes), bench=bench.name)
+            lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
+            result = lab.run(experiment, settings)
+        return result._replace(notes=(*result.notes, *bench.notes))
 
     def health(self) -> Health:
         """The running experiment."""

@@ -165,8 +165,8 @@ class SensorNode(DriverNode):
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }
-        if self.alarm:
-            return Health(ERROR, self.alarm, values)
+        if alarm := self.alarm:  # once: the loop may end it meanwhile
+            return Health(ERROR, alarm, values)
         if rate < 0.5e9 / self.period_ns:
             return Health(ERROR, f"only {rate:.0f} samples/s", values)
         return Health(OK, "sampling", values)

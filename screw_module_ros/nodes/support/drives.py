@@ -139,8 +139,8 @@ class DriveNode(DriverNode):
     def drive_health(self, values: dict, state: Any) -> Health:
         """Return the diagnostics with these values; state: the newest state message."""
         permit = self.permit
-        if self.alarm:
-            return Health(ERROR, self.alarm, values)
+        if alarm := self.alarm:  # once: the loop may end it meanwhile
+            return Health(ERROR, alarm, values)
         warnings = [drive.danger for drive in self.drives] if permit.enabled else []
         warnings.append(self._permission.warning)
         warnings += [warning for drive in self.drives for warning in drive.warnings]

@@ -339,8 +339,8 @@ class Node(LifecycleNode):
 
         An operator sees it, and the supervisor permits no motion meanwhile.
         """
-        if self.alarm != self._reported:
-            self._reported = self.alarm
+        if (alarm := self.alarm) != self._reported:
+            self._reported = alarm
             self.publish_health()
         self._stepping.release()
 
