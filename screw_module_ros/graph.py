@@ -8,8 +8,9 @@ setup.py, the parameter files and docs/nodes.md.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 PACKAGE = "screw_module_ros"
 
@@ -229,3 +230,14 @@ def chosen(
     if not found:
         raise ValueError("these options leave no node to start (hardware has no sim_rig)")
     return found
+
+
+def interface_class(type_name: str) -> Any:
+    """Return the class of `package/msg/Name`, `package/Name`, a service or an action's feedback.
+
+    Raises ImportError, AttributeError where it is not installed.
+    """
+    package, *folder, name = type_name.split("/")
+    module = importlib.import_module(".".join((package, *(folder or ["msg"]))))
+    kind = getattr(module, name.removesuffix("_FeedbackMessage"))
+    return kind.Impl.FeedbackMessage if folder == ["action"] else kind

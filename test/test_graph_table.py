@@ -22,12 +22,13 @@ from screw_module_ros.graph import (
     TOPICS,
     Topic,
     chosen,
+    interface_class,
     nodes_of,
     subscribed_by,
     table,
 )
 from screw_module_ros.nodes.bringup import placement
-from screw_module_ros.nodes.support.topics import message_class, offered, requested
+from screw_module_ros.nodes.support.topics import offered, requested
 from screw_module_ros.nodes.support.wire import Layout
 from screw_module_ros.recording.counts import TICKED
 from screw_module_ros.rig import build
@@ -125,7 +126,7 @@ def test_every_subscriber_and_publisher_is_a_node():
 def test_types_and_qualities_are_there(topic):
     """The names in the table lead to message classes and profiles that fit each other."""
     kind, name, profile = offered(topic.name)
-    assert (kind, name) == (message_class(topic.type), topic.name)
+    assert (kind, name) == (interface_class(topic.type), topic.name)
     taken, _, wanted = requested(topic.name)
     assert (taken.kind if isinstance(taken, Layout) else taken) is kind
     assert wanted.reliability == profile.reliability and wanted.depth == 1

@@ -7,23 +7,16 @@ messages offer: their fields' types, and the check of a value (`check_fields`).
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 import re
 from typing import Any
 
+from ..graph import interface_class
 from ..settings import shown
 
 _LONGEST = 160  # characters of the reason why a value does not fit
 _LIST = re.compile(r"sequence<(.+?)(?:, \d+)?>|(.+)\[\d+\]")
-
-
-def type_class(name: str) -> type:
-    """Return the class of a type, `package/msg/Name`, or `package/Name` of a message."""
-    package, _, rest = name.partition("/")
-    group, _, kind = rest.rpartition("/")
-    return getattr(importlib.import_module(f"{package}.{group or 'msg'}"), kind)
 
 
 def plain(value: Any) -> Any:
@@ -76,7 +69,7 @@ def _value(kind: str, value: Any, where: str) -> Any:
             raise ValueError(f"{where} = {shown(value)}: a list is wanted")
         return [_value(found[1] or found[2], each, f"{where}[{i}]") for i, each in enumerate(value)]
     if "/" in kind:
-        return filled(type_class(kind), value, where)
+        return filled(interface_class(kind), value, where)
     if isinstance(value, bool) and kind != "boolean":  # Python takes True for 1
         raise ValueError(f"{where} = {value}: a {kind} is wanted")
     if kind in ("double", "float"):

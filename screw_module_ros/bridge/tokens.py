@@ -14,7 +14,7 @@ import stat
 from pathlib import Path
 from typing import NamedTuple
 
-from ..therapy.pseudonym import PRIVATE_FILE, PRIVATE_FOLDER, write_private
+from ..files import PRIVATE_FILE, PRIVATE_FOLDER, replace
 
 _BYTES = 24
 _LEAST = 32  # characters of a token
@@ -50,7 +50,7 @@ def _made(file: Path) -> Tokens:
         file.parent.mkdir(parents=True, mode=PRIVATE_FOLDER)
         file.parent.chmod(PRIVATE_FOLDER)  # independent of the umask
     tokens = Tokens(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
-    write_private(file, json.dumps(tokens._asdict()).encode())
+    replace(file, json.dumps(tokens._asdict()), private=True)
     _check_private(file)
     return tokens
 

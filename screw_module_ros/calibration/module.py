@@ -35,7 +35,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -44,6 +43,7 @@ import yaml
 
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
+from ..files import replace
 from ..resources import resource_path
 from ..settings import Setting, SettingError, plain, read
 from ..settings_file import VERSION, read_file
@@ -211,7 +211,7 @@ def write_calibration(path: str | Path, calibration: ModuleCalibration) -> Modul
         sort_keys=False, allow_unicode=True, default_flow_style=None, width=100,
     )  # fmt: skip
     try:
-        replace_text(Path(path), text)
+        replace(Path(path), text)
     except (OSError, ValueError) as problem:  # ValueError: a path that names no file
         reason = getattr(problem, "strerror", "") or problem
         raise SettingError(
@@ -225,21 +225,3 @@ def _is_utc(text: str) -> bool:
         return datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z").utcoffset() == timedelta(0)
     except ValueError:
         return False
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Replace the file's text atomically: at any moment the file is the old or the new one."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # otherwise a power failure may restore the old file
-    finally:
-        os.close(folder)

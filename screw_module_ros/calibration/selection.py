@@ -41,7 +41,7 @@ class CertificateSettings(NamedTuple):
     ] = ""
     certificate_required: Annotated[
         bool, Setting("refuse modes with force feedback or observer without a certificate")
-    ] = False
+    ] = True
     uncertified_gains: Annotated[
         bool, Setting("also take force gains beyond the certificate's, and its conditions; or "
                       "none, where one is required")

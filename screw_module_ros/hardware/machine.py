@@ -34,15 +34,12 @@ def machine(root: Path = Path("/"), limit: int | None = None) -> list[Finding]:
     )  # fmt: skip
     found = [Finding("real-time priority", "unlimited" if unlimited else f"up to {limit}",
                      f"at least {LEAST_PRIORITY}", realtime)]  # fmt: skip
-    preemptive = _text(root / "sys/kernel/realtime") == "1"
     version = _text(root / "proc/version") or platform.version()
-    kind = "PREEMPT_RT" if preemptive or "PREEMPT_RT" in version else (
-        "low latency" if "lowlatency" in version else "an ordinary kernel"
-    )  # fmt: skip
-    kernel = "" if kind != "an ordinary kernel" else (
-        "install a low-latency or PREEMPT_RT kernel for 1 kHz on a busy machine"
-    )  # fmt: skip
-    found.append(Finding("kernel", kind, "PREEMPT_RT or low latency", kernel))
+    preemptive = "PREEMPT_RT" in version or _text(root / "sys/kernel/realtime") == "1"
+    quick = "PREEMPT_RT" if preemptive else "low latency" if "lowlatency" in version else ""
+    todo = "install a low-latency or PREEMPT_RT kernel for 1 kHz on a busy machine"
+    found.append(Finding("kernel", quick or "an ordinary kernel", "PREEMPT_RT or low latency",
+                         "" if quick else todo))  # fmt: skip
     isolated = _text(root / "sys/devices/system/cpu/isolated")
     none = "none (optional: isolcpus=... on the kernel's command line, then realtime.cores)"
     found.append(Finding("isolated cores", isolated or none))

@@ -13,8 +13,8 @@ import numpy as np
 import yaml
 
 from ..calibration.certificate import FORMAT, Conditions, law_version, text_checksum
-from ..calibration.module import replace_text
 from ..control.vertical_settings import VerticalSettings
+from ..files import replace
 from ..settings import fields
 from ..settings_file import VERSION
 from . import stability
@@ -50,7 +50,7 @@ def write(lab: Lab, result: Result, serial: str) -> None:
     content |= _gains(lab)
     text = _yaml(content)
     text += _yaml({"sha256": text_checksum(text)})
-    replace_text(lab.folder / FILE, text)
+    replace(lab.folder / FILE, text)
 
 
 def own_serial(lab: Lab, serial: str) -> str:

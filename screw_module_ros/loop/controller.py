@@ -135,6 +135,11 @@ class VerticalController:
             self.lease.renew(request, now_ns)
 
     @property
+    def home_in_doubt(self) -> bool:
+        """Whether only a homing of the encoder lets the force return."""
+        return self._checks.home_in_doubt
+
+    @property
     def may_act(self) -> bool:
         """Whether the drive is enabled, or a force is commanded."""
         return self._enabled is True or self.output.force != 0.0

@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.client import ServiceError
-from screw_module_ros.bridge.messages import as_json, filled, plain, type_class
+from screw_module_ros.bridge.messages import as_json, filled, plain
 from screw_module_ros.bridge.rights import (
     CALL,
     KEPT,
@@ -29,7 +29,7 @@ from screw_module_ros.bridge.rights import (
     Rights,
 )
 from screw_module_ros.clock import WallClock
-from screw_module_ros.graph import THERAPY_STATE
+from screw_module_ros.graph import THERAPY_STATE, interface_class
 from screw_module_ros.therapy.session import UNDER_WAY
 
 from .support import topics
@@ -46,7 +46,7 @@ class PolledTopic:
     """A polled subscription with its newest message. newest: None before the first."""
 
     def __init__(self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup):
-        self.kind = type_class(kind)
+        self.kind = interface_class(kind)
         self.subscription = node.create_subscription(
             self.kind, name, never, profile, callback_group=group
         )
@@ -137,11 +137,13 @@ class BridgeGateway:
                 if place.name in KEPT else PolledTopic(*given, topics.SAMPLE, group)
             )  # fmt: skip
         self._publishers = {
-            place.full: node.create_publisher(type_class(place.type), place.full, topics.COMMAND)
+            place.full: node.create_publisher(
+                interface_class(place.type), place.full, topics.COMMAND
+            )
             for place in rights.places(PUBLISH)
         }
         self._clients = {
-            place.full: node.create_client(type_class(place.type), place.full)
+            place.full: node.create_client(interface_class(place.type), place.full)
             for place in rights.places(CALL)
         }
 

@@ -28,7 +28,7 @@ from screw_module_ros.recording.definitions import UNKNOWN, DefinitionError, Def
 from screw_module_ros.recording.recorder import Recording
 
 from .support.inbox import HotGroup, awaited, never, new_wait_set
-from .support.topics import message_class, offered
+from .support.topics import offered
 
 LOG = "/rosout"
 _BESIDE = (LOG, "/parameter_events")  # of every node, so not in the table of the graph
@@ -89,7 +89,7 @@ class Taps:
     ) -> None:
         """Subscribe to a topic; one that is not possible must not end the recording of others."""
         try:
-            tap = _Tap(name, kind, message_class(kind))
+            tap = _Tap(name, kind, graph.interface_class(kind))
             profile = QoSProfile(depth=_DEPTH, reliability=reliability, durability=durability)
             tap.subscription = self._node.create_subscription(
                 tap.kind, name, never, profile, callback_group=self._group, raw=True

@@ -22,7 +22,6 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.safety.checks import HOME_AGAIN
 from screw_module_ros.safety.permit import PermitSettings
 
 from .client import RobotError
@@ -77,16 +76,12 @@ class Seen(NamedTuple):
 
     @property
     def homed(self) -> bool:
-        """Whether the encoder is homed, its position within the travel and not in doubt.
-
-        A latched fault hides whether a homing has come since: it is reset first.
-        """
-        told = self.controller
+        """Whether the encoder is homed, its position within the travel and not in doubt."""
         return (
             self.encoder is not None
             and self.encoder.homed
             and abs(self.encoder.position - _MIDDLE) < _MIDDLE + _BEYOND
-            and not (told and not told.faulted and HOME_AGAIN in told.reason)
+            and not (self.controller and self.controller.home_in_doubt)
         )
 
 

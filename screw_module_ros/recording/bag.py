@@ -19,9 +19,10 @@ from typing import Annotated, Any, NamedTuple
 
 import yaml
 
+from ..files import replace
 from ..settings import Setting
 from .definitions import Definition
-from .mcap_file import NO_TIME, McapFile, Message, write_private
+from .mcap_file import NO_TIME, McapFile, Message
 
 PREFIX = "screw_module_ros/"
 """Before the names of our entries in a bag's metadata."""
@@ -195,7 +196,7 @@ class Bag:
         self._finish_file()
         self.message_count = sum(self._counts)
         with self._writing():
-            write_private(self.folder / METADATA_FILE, self._metadata(state))
+            replace(self.folder / METADATA_FILE, self._metadata(state), private=True)
         self._ended = True
 
     @contextmanager

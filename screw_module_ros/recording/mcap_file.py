@@ -10,6 +10,8 @@ from typing import IO, Any, NamedTuple, cast
 
 from mcap.writer import Writer
 
+from ..files import owner_only
+
 NO_TIME = 2**63 - 1
 """rosbag2's start time of a bag without messages [ns]."""
 
@@ -93,18 +95,3 @@ class McapFile:
     def sha256(self) -> str:
         """The hash of everything written."""
         return self._sha.hexdigest()
-
-
-def owner_only(path: str, flags: int) -> int:
-    """Open a file, an opener for `open`; a new one is the owner's alone, whatever the umask."""
-    return os.open(path, flags, 0o600)
-
-
-def write_private(path: Path, text: str) -> None:
-    """Write a new file that is complete on the disk or not there, for its owner alone."""
-    temporary = path.with_name(f".{path.name}.new")
-    with open(temporary, "w", encoding="utf-8", opener=owner_only) as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)

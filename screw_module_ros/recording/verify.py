@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,6 +42,7 @@ class Report(NamedTuple):
 
     topics: counts by topic name. gaps: the first ones per topic. problems: sentences, empty if the
     bag is complete. remarks: sentences about what could not be checked. notes: of the recorder.
+    losses: those problems that only say which messages are missing; `topics` counts them.
     """
 
     topics: dict[str, Counts]
@@ -49,6 +50,7 @@ class Report(NamedTuple):
     problems: list[str]
     remarks: list[str]
     notes: dict[str, dict[str, str]]
+    losses: Sequence[str] = ()
 
     @property
     def complete(self) -> bool:
@@ -103,11 +105,14 @@ def verify(bag: Path | str) -> Report:
     parameters = notes.get(PARAMETERS, {})
     audit = {topic: decoded(text) for topic, text in notes.get(AUDIT, {}).items()}
     counts = {}
+    losses = []
     for name, track in tracks.items():
         track.dropped = _number(audit.get(name, {}), "dropped")
         track.several = _number(audit.get(name, {}), "missed") < 0
         counts[name] = track.result(parameters)
-        problems += [] if counts[name].complete else [_missing(name, counts[name])]
+        if not counts[name].complete:
+            problems.append(_missing(name, counts[name]))
+            losses += [] if counts[name].out_of_order else problems[-1:]
         problems += _ticks(track, tracks.values())
     custom = told.get("custom_data", {})
     problems += [*_closed(bag, told, files), *_stated(told, counts), *_absent(tracks, notes)]
@@ -119,7 +124,7 @@ def verify(bag: Path | str) -> Report:
         name: count if tracks[name].numbered or not count.messages else count._replace(missed=-1)
         for name, count in counts.items()
     }
-    return Report(counts, gaps, problems, remarks, notes)
+    return Report(counts, gaps, problems, remarks, notes, losses)
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:

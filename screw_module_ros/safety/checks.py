@@ -268,6 +268,11 @@ class VerticalChecks:
         """Whether there was a force sample; its age is watched from then on."""
         return self._force.seen
 
+    @property
+    def home_in_doubt(self) -> bool:
+        """Whether the encoder jumped or slipped, and no homing has come since."""
+        return bool(self._motion.doubt)
+
     def encoder(self, sample: EncoderReading, now_ns: int) -> bool:
         """Check an encoder sample; return whether the controller may use it."""
         if not self._encoder.accept(sample.sequence, sample.monotonic_ns, now_ns):

@@ -14,9 +14,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ..files import replace
 from ..recording.bag import BagError
 from .measures import COLUMNS, MEASURES
-from .pseudonym import new_pseudonym, patient_folder, write_private
+from .pseudonym import new_pseudonym, patient_folder
 from .recorded import Recorded, in_order, read_sessions, without_copies
 from .replay import replayed
 
@@ -84,8 +85,8 @@ def _export(options: argparse.Namespace) -> int:
     for patient, own in rows.items():
         with _writing(options.out):
             folder = patient_folder(options.out, patient)
-            write_private(folder / "trials.csv", csv_text((*LEADING, *COLUMNS), own).encode())
-            write_private(folder / "columns.csv", columns_text().encode())
+            replace(folder / "trials.csv", csv_text((*LEADING, *COLUMNS), own), private=True)
+            replace(folder / "columns.csv", columns_text(), private=True)
         print(folder / "trials.csv")
     return 0
 

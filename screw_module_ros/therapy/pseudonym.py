@@ -7,10 +7,11 @@ elsewhere.
 
 from __future__ import annotations
 
-import os
 import re
 import secrets
 from pathlib import Path
+
+from ..files import PRIVATE_FOLDER
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Digits and capitals without easily confused ones: 0 O, 1 I L, U."""
@@ -18,7 +19,6 @@ LENGTH = 5
 _FORM = rf"P-[{ALPHABET}]{{{LENGTH}}}"
 PATTERN = re.compile(rf"(?=.*[2-9]){_FORM}")
 """With a digit: else a name of five letters would be one."""
-PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
 
 
 class PseudonymError(ValueError):
@@ -59,16 +59,3 @@ def patient_folder(root: Path, pseudonym: str) -> Path:
         each.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
     folder.chmod(PRIVATE_FOLDER)
     return folder
-
-
-def write_private(file: Path, content: bytes) -> None:
-    """Write a file atomically that only its owner can read. Raises OSError."""
-    part = file.with_name(f".{file.name}.part")
-    part.unlink(missing_ok=True)
-    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE_FILE)
-    with os.fdopen(descriptor, "wb") as stream:
-        os.fchmod(stream.fileno(), PRIVATE_FILE)  # independent of the umask
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    part.replace(file)

@@ -15,8 +15,8 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from ..files import replace
 from .measures import BY_NAME, MEASURES
-from .pseudonym import write_private
 from .recorded import Recorded
 from .replay import Replay
 from .report_content import (
@@ -82,7 +82,7 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
         labelled=labelled,
         number=number_text,
     )
-    write_private(file, text.encode())
+    replace(file, text, private=True)
     return file
 
 

@@ -431,15 +431,10 @@ def verdicts(
     where = ", ".join(f"{name} {number}" for name, number in skipped.items())
     text = f"{lost} tick numbers ({share:.3%}) were skipped by the robot" if lost else "0 skipped"
     lines.append(Line("zero lost samples", not lost, f"{text}{': ' if where else ''}{where}"))
-    other = [p for p in audit.problems if not _only_lost(p)]
+    other = [problem for problem in audit.problems if problem not in audit.losses]
     lines.append(Line("bag sound", not other, "; ".join(other[:3]) or "hashes and counts fit"))
     lines.append(Line("torque stayed on", not stops, "; ".join(stops[:3]) or "no stop"))
     return lines
-
-
-def _only_lost(problem: str) -> bool:
-    """Whether a problem is only about lost messages, which have their own line."""
-    return ": of " in problem and " messages " in problem and "out of order" not in problem
 
 
 def table(lines: Sequence[Line]) -> Table:

@@ -12,8 +12,9 @@ from rcl_interfaces.srv import SetParameters
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState, PlanarState, SafetyState
 from screw_module_msgs.srv import StartTherapy
 
-from screw_module_ros.bridge.messages import as_json, filled, plain, type_class
+from screw_module_ros.bridge.messages import as_json, filled, plain
 from screw_module_ros.bridge.rights import ROLES, SERVICES, THERAPIST, TYPES
+from screw_module_ros.graph import interface_class
 
 TOPIC_TYPES = {TYPES[name] for verb in ("subscribe", "publish") for name in ROLES[THERAPIST][verb]}
 
@@ -52,14 +53,14 @@ def test_parameters_travel():
 
 @pytest.mark.parametrize("kind", sorted(TOPIC_TYPES))
 def test_every_message_comes_back_as_it_was(kind):
-    message = type_class(kind)()
-    assert filled(type_class(kind), plain(message)) == message
+    message = interface_class(kind)()
+    assert filled(interface_class(kind), plain(message)) == message
 
 
 @pytest.mark.parametrize("kind", sorted(set(SERVICES.values())))
 def test_every_request_comes_back_as_it_was(kind):
-    request = type_class(kind).Request()
-    assert filled(type_class(kind).Request, plain(request)) == request
+    request = interface_class(kind).Request()
+    assert filled(interface_class(kind).Request, plain(request)) == request
 
 
 @pytest.mark.parametrize(

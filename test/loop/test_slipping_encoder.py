@@ -6,7 +6,6 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.geometry import COUNTS_PER_TURN, SCREW
-from screw_module_ros.safety.checks import HOME_AGAIN
 
 
 def slip(bench, metres: float, device: str = "drive", fault: str = "position_jump") -> None:
@@ -59,11 +58,12 @@ def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
     for _ in range(2):
         bench.seconds(0.1)
         bench.controller.reset(bench.now_ns)
-        assert HOME_AGAIN in bench.controller.reason and not bench.controller.faulted
+        assert bench.controller.home_in_doubt and bench.controller.reason
+        assert not bench.controller.faulted
     bench.encoder.settings = bench.encoder.settings._replace(home_position=bench.rows[-1].position)
     bench.encoder.home()
     bench.ticks(12)
-    assert bench.controller.reason == ""
+    assert bench.controller.reason == "" and not bench.controller.home_in_doubt
     assert bench.enable() == ""
     bench.seconds(1.0)
     assert bench.torque_passes and bench.rows[-1].force != 0.0

@@ -67,7 +67,8 @@ def test_a_malformed_friction_file(make_node, tmp_path):
 
 def test_observer_without_the_damper_it_needs(make_node):
     """The sentence says how much damping is wanted."""
-    assert "needs a damping of" in refused(make_node("impedance_controller", "-p", "mode:=5"))
+    words = ("-p", "mode:=5", "-p", "certificate_required:=false")
+    assert "needs a damping of" in refused(make_node("impedance_controller", *words))
 
 
 def test_observer_is_refused_by_the_services_until_there_is_a_damper(make_node):

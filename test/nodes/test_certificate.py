@@ -62,7 +62,7 @@ def test_it_is_configured_again_with_its_module_s_gains(controller, required):
 
 def test_it_starts_with_the_gains_that_its_module_permits(controller):
     """Smaller ones stay; after the module is gone, those of the parameters are back."""
-    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0)
+    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, certificate_required=False)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert node.get_parameter("force_gain").value == 6.28
     assert node.get_parameter("observer_gain").value == VerticalSettings().observer_gain
@@ -140,7 +140,7 @@ def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
 
 @pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
 def test_where_a_certificate_is_required_feedback_needs_one_or_the_operators_word(controller, mode):
-    node = controller(certificate_file='""', certificate_required=True)
+    node = controller(certificate_file='""')
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert "has no certificate" in changed(node, mode=mode)
     assert not changed(node, mode=modes.FRICTION_COMPENSATION)
@@ -148,8 +148,7 @@ def test_where_a_certificate_is_required_feedback_needs_one_or_the_operators_wor
 
 
 def test_the_operators_word_in_place_of_a_certificate(controller):
-    node = controller(certificate_file='""', certificate_required=True, uncertified_gains=True,
-                      damping=20.0)  # fmt: skip
+    node = controller(certificate_file='""', uncertified_gains=True, damping=20.0)
     node.trigger_configure()
     assert not changed(node, mode=modes.OBSERVER)
     node.close()
@@ -163,7 +162,8 @@ def test_uncertified_gains_lifts_the_limit(controller):
 
 
 def test_the_damping_that_the_observer_needs_is_kept_as_a_parameter_too(make_node):
-    node = make_node("impedance_controller", "-p", "damping:=20.0", "-p", "mode:=5")
+    node = make_node("impedance_controller", "-p", "damping:=20.0", "-p", "mode:=5",
+                     "-p", "certificate_required:=false")  # fmt: skip
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert "raise the damping first" in changed(node, damping=0.0)
     assert node.get_parameter("damping").value == 20.0

@@ -21,7 +21,6 @@ from screw_module_ros.clock import ManualClock
 from screw_module_ros.operator import bring_up as bringing
 from screw_module_ros.operator.bring_up import DRIVES, WORKS, Seen, bring_up, next_step
 from screw_module_ros.operator.client import RobotError
-from screw_module_ros.safety.checks import HOME_AGAIN
 
 MODE = ForceCommand.COMBINED
 ENABLED = AmplifierState.OPERATION_ENABLED
@@ -64,7 +63,8 @@ def safety(level, *reasons):
         ({"encoder": EncoderSample(homed=False, position=0.2)}, ["encoder/home"], "to mark"),
         ({"encoder": EncoderSample(homed=True, position=0.39)}, ["encoder/home"], "to mark"),
         ({"encoder": EncoderSample(homed=True, position=-0.03)}, ["encoder/home"], "to mark"),
-        ({"controller": ImpedanceState(mode=MODE, reason=f"jumped; {HOME_AGAIN}")},
+        ({"controller": ImpedanceState(home_in_doubt=True)}, ["encoder/home"], "to mark"),
+        (safety(SafetyState.STOPPED) | {"controller": ImpedanceState(home_in_doubt=True)},
          ["encoder/home"], "to mark"),
         ({**IS_OFF, "wrench": None}, ["force_sensor/tare"], "let go"),
         ({**IS_OFF, "wrench": None, "tared_s": 0.1}, ["force_sensor/tare"], "let go"),

@@ -41,6 +41,7 @@ def test_gaps_are_counted_and_placed(gappy, capsys):
     assert report.gaps["/screw/encoder"] == [Gap(START + 99 * MS, 3), Gap(START + 199 * MS, 1)]
     (problem,) = report.problems
     assert problem == "/screw/encoder: of 296 messages 4 lost in 2 gaps, 2 not written"
+    assert report.losses == [problem]
     assert main(["verify", str(gappy)]) == 1
     out = capsys.readouterr().out
     assert f"3 missing after {START + 99 * MS} ns" in out

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from screw_module_ros.files import replace
 from screw_module_ros.therapy.pseudonym import (
     ALPHABET,
     PseudonymError,
     checked_pseudonym,
     new_pseudonym,
     patient_folder,
-    write_private,
 )
 
 
@@ -56,8 +56,8 @@ def test_folders_and_files_are_private_whatever_the_umask(tmp_path, umask):
     before = os.umask(umask)
     try:
         folder = patient_folder(tmp_path / "sessions", "P-7K3QX")
-        write_private(folder / "trials.csv", b"one")
-        write_private(folder / "trials.csv", b"two")
+        replace(folder / "trials.csv", "one", private=True)
+        replace(folder / "trials.csv", "two", private=True)
     finally:
         os.umask(before)
     assert mode(folder.parent) == mode(folder) == 0o700
@@ -69,11 +69,3 @@ def test_folders_and_files_are_private_whatever_the_umask(tmp_path, umask):
 def test_an_open_folder_is_closed(tmp_path):
     (tmp_path / "P-7K3QX").mkdir(mode=0o755)
     assert mode(patient_folder(tmp_path, "P-7K3QX")) == 0o700
-
-
-def test_a_link_in_the_way_of_the_part_is_not_followed(tmp_path):
-    victim = tmp_path / "victim"
-    victim.write_text("mine")
-    (tmp_path / ".trials.csv.part").symlink_to(victim)
-    write_private(tmp_path / "trials.csv", b"two")
-    assert victim.read_text() == "mine"

@@ -114,9 +114,11 @@ def test_who_lost_something_is_told_apart(counts, wanted):
 
 
 def test_stops_and_an_unsound_bag_are_told():
-    report = audit()._replace(problems=["parameters: /manus: was altered"])
+    lost, altered = "/screw/encoder: of 600000 messages 2 lost in 1 gaps", "bag_0.mcap was altered"
+    report = audit()._replace(problems=[lost, altered], losses=[lost])
     lines = verdicts([], report, {}, ["after 3 s: amplifier took the torque off"])
     assert missed(lines) == ["bag sound", "torque stayed on"]
+    assert altered in [line.detail for line in lines]
 
 
 def test_output(tmp_path):

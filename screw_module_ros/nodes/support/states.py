@@ -70,6 +70,7 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.mode = controller.mode
     message.faulted = controller.faulted
     message.reason = controller.reason
+    message.home_in_doubt = controller.home_in_doubt
     message.active = not controller.reason and controller.mode != OFF
     if controller.answered is not None:
         message.position = controller.answered.position

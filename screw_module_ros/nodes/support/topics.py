@@ -9,7 +9,6 @@ For `Node.outlet` and `Inbox.subscribe`::
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -21,7 +20,7 @@ from screw_module_msgs.msg import TherapySlot
 
 from screw_module_ros.clock import Clock
 from screw_module_ros.control.slot import Slot
-from screw_module_ros.graph import THERAPY_SLOT, TOPICS
+from screw_module_ros.graph import THERAPY_SLOT, TOPICS, interface_class
 from screw_module_ros.loop.inputs import Guide
 
 from .inbox import Inbox
@@ -62,22 +61,10 @@ _LOOK_S = 0.1
 _PREFIX = 12  # bytes of an endpoint's GUID that name its participant (DDSI-RTPS 2.5, 8.2.4)
 
 
-def message_class(type_name: str) -> Any:
-    """Return the class of `package/msg/Name` or of an action's feedback.
-
-    Raises ImportError, AttributeError where it is not installed.
-    """
-    package, folder, name = type_name.split("/")
-    module = importlib.import_module(f"{package}.{folder}")
-    if folder == "action":
-        return getattr(module, name.removesuffix("_FeedbackMessage")).Impl.FeedbackMessage
-    return getattr(module, name)
-
-
 def offered(topic: str) -> tuple[Any, str, QoSProfile]:
     """Return message class, name and quality of service of a topic, for its publisher."""
     _, type_name, quality, *_ = TOPICS[topic]
-    return message_class(type_name), topic, _OFFERED[quality]
+    return interface_class(type_name), topic, _OFFERED[quality]
 
 
 def requested(
@@ -88,7 +75,7 @@ def requested(
     profile: replaces the default one, which keeps only the newest message.
     """
     _, type_name, quality, *_ = TOPICS[topic]
-    kind = message_class(type_name)
+    kind = interface_class(type_name)
     return LAYOUTS.get(kind, kind), topic, profile or _REQUESTED[quality]
 
 
