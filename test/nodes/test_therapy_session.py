@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A therapy session on the whole graph against the rig: slot, trials, pause, records, replay."""
+"""Therapy sessions on the whole graph against the rig: slot, trials, pause, records, replay.
+
+One run: a session with a pause, one that loses its recording, then every other kind of trial. Each
+recording is computed again.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 import stat
 
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
 from screw_module_msgs.msg import TherapySlot, TherapyState
 from screw_module_msgs.srv import StartTherapy
 from therapy_run import therapy_run
@@ -27,6 +33,8 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 PATIENT, OTHER = "P-7K3QX", "P-22222"
 TRIALS = 8
+SPACE, EVALUATION = "reach_3d", "evaluation"
+KINDS = ["reach", "reach", "circle", "hold", "resisted", "strength"]
 
 
 def short_protocol(folder):
@@ -43,13 +51,31 @@ def short_protocol(folder):
     return file
 
 
+def shorter(folder, name):
+    """Write a protocol with one block of one target, or all of them, in little time."""
+    content = yaml.safe_load(resource_path(f"params/therapy/{name}.yaml").read_text())
+    blocks = content["blocks"] if name == EVALUATION else content["blocks"][1:2]
+    for block in blocks:
+        block["circuits"] = 1
+        block["targets"] = {**block["targets"], "count": 1, "rounds": 1}
+        if "duration" in block:
+            block["duration"] = 4.0 if block["kind"] == "circle" else 1.0
+    content["blocks"] = blocks
+    content["rules"].update(
+        hit_radius=0.02, wait=0.5, give_up=4.0, hold=0.1, settle_time=0.05, prepare_duration=1.2
+    )
+    file = folder / f"{name}_short.yaml"
+    file.write_text(yaml.safe_dump(content))
+    return file
+
+
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """A session from start to end, paused once; everything that was told, and the bag."""
+    """A session paused once, and the others; everything that was told, and the bags."""
     folder = tmp_path_factory.mktemp("therapy")
     protocol = str(short_protocol(folder))
     told = {"refused": []}
-    with therapy_run(folder) as (robot, patient):
+    with therapy_run(folder, "-p", "sim_rig:speed:=0.0") as (robot, patient):
         for request in (
             StartTherapy.Request(protocol=protocol, patient="Erika Musterfrau"),
             StartTherapy.Request(protocol="dancing", patient=PATIENT),
@@ -59,8 +85,7 @@ def session(tmp_path_factory):
                 robot.ask(StartTherapy, "therapy_session/start", request)
             told["refused"].append(str(refused.value))
         told["bad slot"] = diagnosed_after_bad_slot(robot)
-        request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
-        robot.ask(StartTherapy, "therapy_session/start", request)
+        start(robot, protocol)
         patient.until(lambda: len(patient.results) >= 2, 60.0, "no trial comes to its end")
         robot.enable_plane(False)
         patient.until_state(TherapyState.PAUSED)
@@ -68,29 +93,43 @@ def session(tmp_path_factory):
         robot.enable_plane()
         robot.pause(0.3)
         robot.trigger("therapy_session/resume")
-        patient.until_state(TherapyState.FINISHED)
-        told["recorded"] = patient.states[-1].recorded
-        patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
-        robot.wait_until(
-            lambda: (bag_in(folder) / METADATA_FILE).exists(), 30.0, "the bag is not closed"
-        )
+        told["recorded"], told["bag"] = finished(robot, patient, folder, "clock_adaptive")
         told["unrecorded"] = paused_without_recording(robot, patient, protocol)
-    told.update(states=patient.states, results=patient.results, changes=patient.changes)
-    told["bag"] = bag_in(folder)
+        told.update(
+            states=[*patient.states], results=[*patient.results], changes=[*patient.changes]
+        )
+        for name in (SPACE, EVALUATION):
+            patient.results.clear()
+            start(robot, str(shorter(folder, name)))
+            _, bag = finished(robot, patient, folder, name)
+            told[name] = [*patient.results], bag
     if keep := os.environ.get("KEEP_THERAPY_BAG"):
         shutil.copytree(told["bag"], keep)
     return told
 
 
-def bag_in(folder, patient=PATIENT):
-    (bag,) = folder.glob(f"{patient}_clock_adaptive_*")
-    return bag
+def start(robot, protocol, patient=PATIENT):
+    request = StartTherapy.Request(protocol=protocol, patient=patient, record=True)
+    robot.ask(StartTherapy, "therapy_session/start", request)
+
+
+def finished(robot, patient, folder, protocol):
+    """Play to the end of a session and of its recording; return whether it was recorded, the bag.
+
+    A session that is aborted or paused instead never comes to its end.
+    """
+    patient.until_state(TherapyState.RUNNING)
+    patient.until_state(TherapyState.FINISHED, 120.0)
+    recorded = patient.states[-1].recorded
+    patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
+    (bag,) = folder.glob(f"{PATIENT}_{protocol}_*")
+    robot.wait_until((bag / METADATA_FILE).exists, 30.0, "the bag is not closed")
+    return recorded, bag
 
 
 def paused_without_recording(robot, patient, protocol):
     """Start another patient's session, stop its recording; return what is told then, and then."""
-    request = StartTherapy.Request(protocol=protocol, patient=OTHER, record=True)
-    robot.ask(StartTherapy, "therapy_session/start", request)
+    start(robot, protocol, OTHER)
     patient.until(lambda: patient.states[-1].recorded, 60.0, "it is not recorded")
     robot.stop_recording()
     patient.until_state(TherapyState.PAUSED)
@@ -99,6 +138,7 @@ def paused_without_recording(robot, patient, protocol):
     patient.until_state(TherapyState.RUNNING)
     running = patient.states[-1]
     robot.trigger("therapy_session/abort")
+    patient.until_state(TherapyState.ABORTED)
     return paused, running
 
 
@@ -201,6 +241,53 @@ def test_the_commands_read_the_bag(session, tmp_path, capsys):
     names = [file.name for file in made]
     assert names == ["columns.csv", "report.html", "trials.csv"]
     assert {stat.S_IMODE(file.stat().st_mode) for file in made} == {0o600}
+
+
+@pytest.mark.parametrize("name", [SPACE, EVALUATION])
+def test_each_is_computed_again_from_its_recording_bit_for_bit(session, name, capsys):
+    results, bag = session[name]
+    assert main(["replay", str(bag)]) == 0
+    assert capsys.readouterr().out.startswith(f"equal: {len(results)} trials from ")
+
+
+def test_a_recording_that_was_cut_names_its_gap(session, tmp_path, capsys):
+    bag = tmp_path / "cut"
+    shutil.copytree(session[SPACE][1], bag)
+    (file,) = bag.glob("*.mcap")
+    with file.open("r+b") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+        stream.seek(chunks[len(chunks) // 2].chunk_start_offset + 200)
+        stream.write(bytes(2000))
+    assert main(["replay", str(bag)]) == 1
+    assert "run: session recover" in capsys.readouterr().err
+    assert main(["recover", str(bag)]) == 0
+    capsys.readouterr()
+    assert main(["replay", f"{bag}_recovered"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    missing, tick = re.match(r"PROBLEM (\d+) samples missing after tick (\d+), ", lines[0]).groups()
+    assert 0 < int(missing) < 1000 and int(tick) > 0
+    assert lines[-1].endswith(f"{missing} samples missing")
+
+
+def test_reaches_in_space_use_all_axes(session):
+    found, _ = session[SPACE]
+    assert [result.assisted for result in found] == [True] * 2
+    assert sum(result.reached for result in found) >= 1
+    assert {result.missing for result in found} == {0}
+    assert found[0].target.y != found[0].start.y and found[0].target.z != found[0].start.z
+    assert all(math.isfinite(result.sparc) for result in found if result.moved)
+
+
+def test_every_part_of_the_evaluation_has_its_figures(session):
+    found, _ = session[EVALUATION]
+    assert [result.kind for result in found] == KINDS
+    by_kind = {result.kind: result for result in found}
+    assert by_kind["reach"].moved and math.isfinite(by_kind["reach"].log_jerk)
+    assert by_kind["circle"].moved and by_kind["circle"].size > 0.0
+    assert 0.0 < by_kind["hold"].hold_deviation < 0.03
+    assert 0.01 < by_kind["resisted"].pm4 < 0.16, "[m]; held back by a spring"
+    assert by_kind["strength"].largest_force > 2.0, "[N]; it pushes against what holds it"
+    assert not any(result.assisted for result in found)
 
 
 def test_a_bag_is_for_its_owner_alone(session):
