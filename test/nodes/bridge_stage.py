@@ -28,13 +28,13 @@ DEADLINE_S = 400.0
 QUICK = Person("active", 0.4)
 PATIENT = "P-7K3QX"
 PROTOCOL = "quick.yaml"
-MOVEMENTS = 16
+MOVEMENTS = 8
 
 
 def write_protocol(folder: Path) -> None:
     """Write a circuit of the clock game without assistance, smaller and quicker."""
     content = yaml.safe_load(resource_path("params/therapy/clock_adaptive.yaml").read_text())
-    targets = {"layout": "clock", "count": 8, "distance": 0.06}
+    targets = {"layout": "clock", "count": 4, "distance": 0.06}
     content["blocks"] = [{**content["blocks"][0], "circuits": 1, "targets": targets}]
     content["name"], content["title"] = "quick", "Quick clock"
     content["rules"].update(

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
 BETWEEN_TICKS_NS = 500_000
 S = 1_000_000_000
-READY_S = 6.0  # at the speed of the start 150 s of wall clock
+READY_S = 4.0  # at the speed of the start 100 s of wall clock
 RECORDED_S, ENABLED_S, END_S = READY_S + 1.6, READY_S + 2.0, READY_S + 3.1
 STILL = (0.0, 0.0, 0.0)
 

@@ -209,7 +209,7 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     assert page.evaluate("location.hash") == ""  # the token stands in no address bar
     start_on(page)
 
-    # 16 movements, with a reload in their midst: the session goes on, no result is lost.
+    # A reload in the midst of the movements: the session goes on, no result is lost.
     rows = page.locator(".results tbody tr")
     rows.nth(2).wait_for()
     page.reload()
@@ -223,7 +223,7 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
 
     # The software stop stops.
     start_on(page)
-    page.get_by_text("movement 1 of 16").wait_for()
+    page.get_by_text(f"movement 1 of {MOVEMENTS}").wait_for()
     page.get_by_role("button", name="Software stop (not the emergency stop)").click()
     stage.ask(lambda robot: robot.wait_until(lambda: stopped(robot), 10.0, "nothing stops"))
     page.get_by_text("Paused, movement").wait_for()
