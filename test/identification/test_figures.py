@@ -93,7 +93,7 @@ def kept(tmp_path_factory, bench):
         "force_gain": (simulated, {"gains": (0.0, 20.0), "resolution": 5.0, "duration": 4.0}),
         "force_error": (simulated, {"cases": ("small",)}),
         "planar_error": (simulated, {"cases": ("small",)}),
-        "stability": (simulated, {"simulated": False}),
+        "stability": (formulas, {"simulated": False, "mount_stiffness": 0.0}),
         "delivered_impedance": (simulated, {"frequencies": (1.0, 8.0)}),
         "compensation": (simulated, {"cycles": 1.0}),
         "robustness": (simulated, {"cases": ("small",)}),
