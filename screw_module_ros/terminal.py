@@ -1,17 +1,156 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The terminal of a command."""
+"""The command line of every command: terminal, options, exit codes. No ROS.
+
+    @command("demo")
+    @click.option("--quick", is_flag=True)
+    def demo(console, quick):
+        with console.step("the robot works"):
+            ...
+        return table.accepted
+"""
 
 from __future__ import annotations
 
-from rich.console import Console
+import functools
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console as Terminal
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+FAILED, NOT_REACHED, INTERRUPTED = 1, 3, 130
 
 
-def terminal(narrowest: int, quiet: bool = False) -> Console:
-    """Return the terminal of a command; where it is a file, with so many columns at least.
+class Console:
+    """Shows steps with a spinner on a terminal, and as plain lines in a file or a pipe.
 
-    quiet: shows nothing.
+    folder: of the output, named if the command fails. quiet: show nothing. narrowest: columns at
+    least where the output goes into a file.
     """
-    console = Console(highlight=False, quiet=quiet)
-    if not console.is_terminal:
-        console.width = max(console.width, narrowest)
-    return console
+
+    def __init__(self, quiet: bool = False, narrowest: int = 110):
+        self.folder: Path | None = None
+        self.rich = Terminal(highlight=False, quiet=quiet)
+        if not self.rich.is_terminal:
+            self.rich.width = max(self.rich.width, narrowest)
+
+    @contextmanager
+    def step(self, text: str) -> Iterator[Callable[[str], None]]:
+        """Show the step `text` while it runs and after it; the yielded function shows a detail."""
+        begun = time.monotonic()
+        with self.rich.status(text) as status:
+            try:
+                yield lambda more: status.update(f"{text}: {more}" if more else text)
+            except BaseException:
+                self.rich.print(f"[red]✗[/] {text}")
+                raise
+        self.rich.print(f"[green]✓[/] {text} [dim]{time.monotonic() - begun:.1f} s[/]")
+
+    @contextmanager
+    def progress(
+        self, text: str, total: float, before: float = 0.0
+    ) -> Iterator[Callable[[float], None]]:
+        """Show a step, and a bar over `total` seconds with the time left.
+
+        before: seconds of earlier steps; the yielded function takes those of this one.
+        """
+        columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
+        with self.step(text):
+            if not self.rich.is_terminal:
+                yield lambda done: None
+                return
+            with Progress(*columns, console=self.rich, transient=True) as bar:
+                task = bar.add_task(text, total=total)
+                bar.update(task, completed=before)
+                yield lambda done: bar.update(task, completed=before + done)
+
+    def show(self, *what: Table | str) -> None:
+        """Print tables and lines."""
+        for item in what:
+            self.rich.print(item, soft_wrap=isinstance(item, str))
+
+    def fail(self, text: str) -> None:
+        """Print an error message."""
+        self.rich.print(f"[bold red]{text}[/]", soft_wrap=True)
+
+
+def command(
+    name: str,
+    failures: tuple[type[Exception], ...] = (),
+    before: Callable[[], None] = lambda: None,
+    stopped: str = "stopped",
+    narrowest: int = 110,
+) -> Callable[[Callable[..., bool | None]], click.Command]:
+    """Make a click command of a function of console and options, and exit codes of its outcomes.
+
+    0; 1 for what can go wrong, with one sentence; 3 if it returns False (a wanted figure was
+    missed) and --strict was given; 130 for Ctrl-C. failures: what can go wrong beside OSError and
+    ValueError. before: called first. stopped: said after Ctrl-C. narrowest: as of `Console`.
+    """
+
+    known: tuple[type[Exception], ...] = (OSError, ValueError, *failures)
+
+    def decorate(work: Callable[..., bool | None]) -> click.Command:
+        @functools.wraps(work)
+        def run(**options: Any) -> None:
+            before()
+            console = Console(narrowest=narrowest)
+            try:
+                reached = work(console, **options)
+            except KeyboardInterrupt:
+                console.fail(stopped)
+                sys.exit(INTERRUPTED)
+            except known as error:
+                rest = f"\nThe output so far is in {console.folder}" if console.folder else ""
+                console.fail(f"{name} failed: {error}{rest}")
+                sys.exit(FAILED)
+            if options.get("strict") and not reached:
+                sys.exit(NOT_REACHED)
+
+        return click.command(context_settings={"show_default": True})(run)
+
+    return decorate
+
+
+def output_option(default: str) -> Callable:
+    """Return the option --folder of a command with output files."""
+    return click.option(
+        "--folder", type=click.Path(file_okay=False, path_type=Path), default=Path(default),
+        help="Each run makes a folder of its own in here.",
+    )  # fmt: skip
+
+
+class FiniteRange(click.FloatRange):
+    """A finite number in a range; `click.FloatRange` accepts nan."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """Return the number; exit with a message that names the option if it is not finite."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number", param, ctx)
+        return number
+
+
+class OutputFile(click.Path):
+    """A file to write; what prevents it is said before the work, not after it."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, writable=True, path_type=Path)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Path:
+        """Return the path; exit with a message that names the option if it cannot be written."""
+        file = super().convert(value, param, ctx)
+        assert isinstance(file, Path)
+        if not file.parent.is_dir():
+            self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
+        if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
+            self.fail(f"{file}: no permission to write into {file.parent}", param, ctx)
+        return file

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -13,14 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ..calibration.module import THESIS_FILE
 from ..plant.settings import load_world
 from ..resources import resource_path
-from ..settings import SettingError
-from ..terminal import terminal
+from ..terminal import Console, command
 from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
 from .lab import Lab, MissingResult, worker_pool
@@ -44,10 +41,9 @@ OnProgress = Callable[[str, str, float], None]
 _SOURCES = Path(__file__).resolve().parents[1]
 _MADE_OF = ("plant", "control", "identification", "calibration", ".")
 _ONLY_SHOWN = ("page.py", "report.py", "reproduce.py", "figures.py", "figure_style.py")
-_NARROWEST = 110  # columns where the output goes into a file
 
 
-@click.command(context_settings={"show_default": True})
+@command("reproduce", stopped="stopped; finished results are kept: run it again")
 @click.option(
     "--folder",
     type=click.Path(file_okay=False, path_type=Path),
@@ -65,7 +61,8 @@ _NARROWEST = 110  # columns where the output goes into a file
 @click.option("--fresh", is_flag=True, help="Remove the results in the folder first.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--strict", is_flag=True, help="Exit with 3 on a miss without a reason.")
-def command(
+def reproduce(
+    console: Console,
     folder: Path,
     seeds: int,
     first_seed: int,
@@ -74,29 +71,20 @@ def command(
     fresh: bool,
     workers: int | None,
     strict: bool,
-) -> None:
+) -> bool:
     """Run every experiment of the thesis on the simulated module and write a report."""
-    console, begun = terminal(_NARROWEST), time.monotonic()
-    try:
-        if fresh:
-            _remove_own(folder)
-        with worker_pool(workers) as pool, _shown(console, only, seeds) as on_progress:
-            modules = [
-                examine(seed, folder, pool, on_progress, only, plant)
-                for seed in (None, *range(first_seed, first_seed + seeds))
-            ]
-        with console.status("drawing and writing the page"):
-            page, report = write_page(folder, modules, time.monotonic() - begun)
-    except KeyboardInterrupt:
-        console.print(f"[bold red]stopped[/]; finished results are in {folder}: run it again")
-        sys.exit(130)
-    except (SettingError, OSError) as error:
-        console.print(f"[bold red]reproduce failed: {error}[/]", soft_wrap=True)
-        sys.exit(1)
-    console.print(*report.tables(), sep="\n")
-    console.print(f"All in {time.monotonic() - begun:.0f} s. The report: {page}")
-    if strict and any(miss.serious for miss in report.misses):
-        sys.exit(3)
+    begun = time.monotonic()
+    if fresh:
+        _remove_own(folder)
+    with worker_pool(workers) as pool, _shown(console, only, seeds) as on_progress:
+        modules = [
+            examine(seed, folder, pool, on_progress, only, plant)
+            for seed in (None, *range(first_seed, first_seed + seeds))
+        ]
+    with console.step("drawing and writing the page"):
+        page, report = write_page(folder, modules, time.monotonic() - begun)
+    console.show(*report.tables(), f"All in {time.monotonic() - begun:.0f} s. The report: {page}")
+    return not any(miss.serious for miss in report.misses)
 
 
 def examine(
@@ -172,15 +160,15 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnPr
         TextColumn("{task.description:38}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
     )  # fmt: skip
     done: set[tuple[str, str]] = set()
-    with Progress(*columns, console=console) as bars:
+    with Progress(*columns, console=console.rich) as bars:
         everything = bars.add_task("everything", total=total)
         current = bars.add_task("", total=1.0)
 
         def on_progress(module: str, experiment: str, share: float) -> None:
             if share >= 1.0 and (module, experiment) not in done:
                 done.add((module, experiment))
-                if not console.is_terminal:
-                    console.print(f"{module}: {experiment}, {len(done)} of {total} done")
+                if not console.rich.is_terminal:
+                    console.show(f"{module}: {experiment}, {len(done)} of {total} done")
             bars.update(current, description=f"{module}: {experiment}", completed=share)
             bars.update(everything, completed=len(done) + (share if share < 1.0 else 0.0))
 
@@ -189,4 +177,4 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnPr
 
 def main() -> None:
     """Console entry point."""
-    command()
+    reproduce()

@@ -16,7 +16,6 @@ from __future__ import annotations
 import json
 import math
 import random
-import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import as_completed
@@ -31,7 +30,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
-from ..terminal import terminal
+from ..terminal import Console, command
 from .bench import InProcessBench, LoopSettings
 from .force_error import wall, with_damping
 from .force_metric import LAST, judged
@@ -56,7 +55,6 @@ _REACHES = {  # way [m] and time [s] of a minimum-jerk reach
 }
 _AHEAD = 0.02  # of an obstacle from the centre [m]
 _SUDDEN_S = 0.02
-_NARROWEST = 140  # columns where the output goes into a file
 
 
 class Rig(NamedTuple):
@@ -237,7 +235,7 @@ Found = dict[str, dict[str, dict[int, list[float]]]]
 """By case, figure and mode: one value for each rig of a family, in the order of the seeds."""
 
 
-@click.command(context_settings={"show_default": True})
+@command("study", stopped="stopped; nothing is written", narrowest=140)
 @click.option("--rigs", default=10, type=click.IntRange(1, 1000), help="Rigs of each family.")
 @click.option("--first-seed", default=1, type=click.IntRange(0), help="The first rig's seed.")
 @click.option(
@@ -252,37 +250,30 @@ Found = dict[str, dict[str, dict[int, list[float]]]]
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
               default=Path("study_output"), help="Folder of study.md and study.json.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
-def command(
-    rigs: int, first_seed: int, chosen: tuple[str, ...], plane: bool, cases: tuple[str, ...],
-    folder: Path, workers: int | None,
+def study(
+    console: Console, rigs: int, first_seed: int, chosen: tuple[str, ...], plane: bool,
+    cases: tuple[str, ...], folder: Path, workers: int | None,
 ) -> None:  # fmt: skip
     """Measure every mode on rigs drawn by seed and write one table: median, worst."""
-    console, begun = terminal(_NARROWEST), time.monotonic()
+    begun = time.monotonic()
     seeds = range(first_seed, first_seed + rigs)
     subject = PLANE if plane else VERTICAL
     names, kinds = cases or tuple(subject.figures), tuple(map(int, chosen)) or tuple(subject.kinds)
     if not set(names) <= set(subject.figures) or not set(kinds) <= set(subject.kinds):
         raise click.UsageError("--mode and the cases of the vertical axis go without --plane")
     wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with worker_pool(workers) as pool, Progress(console=console) as bars:
-            bar = bars.add_task("trials", total=len(wanted))
-            futures = {pool.submit(subject.measured, *each): each for each in wanted}
-            values = {}
-            try:
-                for future in as_completed(futures):
-                    values[futures[future]] = future.result()
-                    bars.advance(bar)
-            finally:  # the end of the pool waits for what is not cancelled
-                for future in futures:
-                    future.cancel()
-    except KeyboardInterrupt:
-        console.print("[bold red]stopped[/]; nothing is written")
-        sys.exit(130)
-    except OSError as error:
-        console.print(f"[bold red]study failed: {error}[/]", soft_wrap=True)
-        sys.exit(1)
+    folder.mkdir(parents=True, exist_ok=True)
+    with worker_pool(workers) as pool, Progress(console=console.rich) as bars:
+        bar = bars.add_task("trials", total=len(wanted))
+        futures = {pool.submit(subject.measured, *each): each for each in wanted}
+        values = {}
+        try:
+            for future in as_completed(futures):
+                values[futures[future]] = future.result()
+                bars.advance(bar)
+        finally:  # the end of the pool waits for what is not cancelled
+            for future in futures:
+                future.cancel()
     figures = {name: subject.figures[name] for name in names}
     found = {family: _sorted(values, family, seeds, figures, kinds) for family in FAMILIES}
     seconds = time.monotonic() - begun
@@ -293,10 +284,10 @@ def command(
         title = f"Family {family}, {FAMILIES[family]}: median / worst"
         rows = table_rows(cases_of, {kind: subject.kinds[kind] for kind in kinds})
         text.append(f"\n## {title}\n\n{_markdown(rows)}")
-        console.print(shown(title, rows[0], rows[1:]))
+        console.show(shown(title, rows[0], rows[1:]))
     (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
     (folder / "study.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
-    console.print(f"{head}. The table: {folder / 'study.md'}")
+    console.show(f"{head}. The table: {folder / 'study.md'}")
 
 
 def _sorted(
@@ -342,4 +333,4 @@ def _markdown(rows: list[tuple[str, ...]]) -> str:
 
 def main() -> None:
     """Console entry point."""
-    command()
+    study()

@@ -48,19 +48,11 @@ from screw_module_ros.safety.timing import histogram_of, quantile
 
 from ..operator.bring_up import DRIVES, bring_up
 from ..operator.robot import Robot, RobotError, arm
+from ..terminal import Console, FiniteRange, OutputFile
 from .demo import make_ready
 from .one_thread import PERIOD_NS, Bench
 from .patient import Hand
-from .runner import (
-    Console,
-    FiniteRange,
-    GraphRun,
-    OutputFile,
-    command,
-    own_place,
-    recordings_in,
-    running,
-)
+from .runner import GraphRun, command, own_place, recordings_in, running
 from .therapy import BRIDGE, bridge_words, token_file
 
 SEPARATE, COMPOSED, LOOP, STEPS, CALLS = "separate", "composed", "loop", "steps", "calls"

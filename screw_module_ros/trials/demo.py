@@ -42,16 +42,9 @@ from screw_module_ros.recording.records import notes
 
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
+from ..terminal import Console, output_option
 from .patient import STILL, Hand, Way, centre_out, targets
-from .runner import (
-    Console,
-    GraphRun,
-    command,
-    new_folder,
-    output_option,
-    recordings_in,
-    running,
-)
+from .runner import GraphRun, command, new_folder, recordings_in, running
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
 FORCE_GAIN = 5.0

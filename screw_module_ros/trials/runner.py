@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands of this room have in common: a run of the graph, terminal, options, exit codes.
+"""What the commands of this room have in common: a place of their own, a run of the graph.
 
     @command("demo")
     @click.option("--quick", is_flag=True)
@@ -14,136 +14,48 @@ of a process is interrupted halfway.
 
 from __future__ import annotations
 
-import functools
 import json
-import math
 import os
 import random
 import signal
 import socket
-import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
+from screw_module_ros import terminal
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
-from screw_module_ros.terminal import terminal
 
 from ..graph import nodes_of
 from ..nodes import bringup
 from ..nodes.support.place import RANGE_VARIABLE, STATE_VARIABLE, AlreadyRunning, Lock
 from ..nodes.support.runtime import StopFlag
 from ..operator.robot import Robot, RobotError
+from ..terminal import Console
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
-NOT_REACHED = 3
 _DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
 _DDS_PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
 _FIRST_PARTICIPANT = 10
-_NARROWEST = 110  # columns where the output goes into a file
 
 
 class Interrupted(KeyboardInterrupt):
     """Raised after Ctrl-C or SIGTERM."""
 
 
-# Terminal and command line ----------------------------------------------------------------------
-
-
-class Console:
-    """Shows steps with a spinner on a terminal, and as plain lines in a file or a pipe.
-
-    folder: of the output, named if the command fails.
-    """
-
-    def __init__(self, quiet: bool = False):
-        self.folder: Path | None = None
-        self._rich = terminal(_NARROWEST, quiet)
-
-    @contextmanager
-    def step(self, text: str) -> Iterator[Callable[[str], None]]:
-        """Show the step `text` while it runs and after it; the yielded function shows a detail."""
-        begun = time.monotonic()
-        with self._rich.status(text) as status:
-            try:
-                yield lambda more: status.update(f"{text}: {more}" if more else text)
-            except BaseException:
-                self._rich.print(f"[red]✗[/] {text}")
-                raise
-        self._rich.print(f"[green]✓[/] {text} [dim]{time.monotonic() - begun:.1f} s[/]")
-
-    @contextmanager
-    def progress(
-        self, text: str, total: float, before: float = 0.0
-    ) -> Iterator[Callable[[float], None]]:
-        """Show a step, and a bar over `total` seconds with the time left.
-
-        before: seconds of earlier steps; the yielded function takes those of this one.
-        """
-        columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
-        with self.step(text):
-            if not self._rich.is_terminal:
-                yield lambda done: None
-                return
-            with Progress(*columns, console=self._rich, transient=True) as bar:
-                task = bar.add_task(text, total=total)
-                bar.update(task, completed=before)
-                yield lambda done: bar.update(task, completed=before + done)
-
-    def show(self, *what: Table | str) -> None:
-        """Print tables and lines."""
-        for item in what:
-            self._rich.print(item, soft_wrap=isinstance(item, str))
-
-    def fail(self, text: str) -> None:
-        """Print an error message."""
-        self._rich.print(f"[bold red]{text}[/]", soft_wrap=True)
-
-
 def command(name: str) -> Callable[[Callable[..., bool | None]], click.Command]:
-    """Make a click command of a function of console and options, and exit codes of its outcomes.
-
-    0; 1 for what can go wrong, with one sentence; 3 if it returns False (a wanted figure was
-    missed) and --strict was given; 130 for Ctrl-C.
-    """
-
-    def decorate(work: Callable[..., bool | None]) -> click.Command:
-        @functools.wraps(work)
-        def run(**options: Any) -> None:
-            end_without_domain(name)
-            console = Console()
-            try:
-                reached = work(console, **options)
-            except KeyboardInterrupt:
-                console.fail("stopped; all nodes ended in order")
-                sys.exit(130)
-            except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
-                rest = f"\nThe output so far is in {console.folder}" if console.folder else ""
-                console.fail(f"{name} failed: {error}{rest}")
-                sys.exit(1)
-            if options.get("strict") and not reached:
-                sys.exit(NOT_REACHED)
-
-        return click.command(context_settings={"show_default": True})(run)
-
-    return decorate
-
-
-def output_option(default: str) -> Callable:
-    """Return the option --folder of a command with output files."""
-    return click.option(
-        "--folder", type=click.Path(file_okay=False, path_type=Path), default=Path(default),
-        help="Each run makes a folder of its own in here.",
+    """Make a command of the graph of a function of console and options, as `terminal.command`."""
+    return terminal.command(
+        name, (RobotError, AlreadyRunning, BagError), partial(end_without_domain, name),
+        "stopped; all nodes ended in order",
     )  # fmt: skip
 
 
@@ -154,34 +66,6 @@ def new_folder(parent: Path, console: Console) -> Path:
     console.folder = folder
     os.environ["ROS_LOG_DIR"] = str((folder / "log").resolve())
     return folder
-
-
-class FiniteRange(click.FloatRange):
-    """A finite number in a range; `click.FloatRange` accepts nan."""
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """Return the number; exit with a message that names the option if it is not finite."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{number} is not a finite number", param, ctx)
-        return number
-
-
-class OutputFile(click.Path):
-    """A file to write; what prevents it is said before the work, not after it."""
-
-    def __init__(self) -> None:
-        super().__init__(dir_okay=False, writable=True, path_type=Path)
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Path:
-        """Return the path; exit with a message that names the option if it cannot be written."""
-        file = super().convert(value, param, ctx)
-        assert isinstance(file, Path)
-        if not file.parent.is_dir():
-            self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
-        if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
-            self.fail(f"{file}: no permission to write into {file.parent}", param, ctx)
-        return file
 
 
 # A place of its own -----------------------------------------------------------------------------

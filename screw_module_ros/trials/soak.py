@@ -45,6 +45,7 @@ from ..control.modes import MODE_NAMES
 from ..nodes.support import topics
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, RobotError, arm
+from ..terminal import Console, FiniteRange, output_option
 from ..therapy.pseudonym import new_pseudonym
 from ..therapy.recorded import read_sessions
 from ..therapy.replay import replayed
@@ -52,16 +53,7 @@ from . import therapy
 from .bench import PageReader, free_port
 from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
 from .patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
-from .runner import (
-    Console,
-    FiniteRange,
-    GraphRun,
-    command,
-    new_folder,
-    output_option,
-    recordings_in,
-    running,
-)
+from .runner import GraphRun, command, new_folder, recordings_in, running
 
 WARM_UP_S = 60.0
 _SHARE_OF_WARM_UP = 0.2  # of a short run

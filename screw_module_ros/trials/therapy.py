@@ -19,8 +19,9 @@ from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot
+from ..terminal import Console
 from .patient import HEALTHY, PEOPLE, Hand, Person, SimulatedPlayer
-from .runner import Console, GraphRun, command, recordings_in, running
+from .runner import GraphRun, command, recordings_in, running
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 _FORCE_GAIN = 5.0

@@ -28,7 +28,6 @@ from screw_module_ros.identification.report import (
     compared_rows,
     value_text,
 )
-from screw_module_ros.identification.reproduce import command
 from screw_module_ros.identification.results import DERIVED, Published, Quantity, Result
 
 pytestmark = pytest.mark.long
@@ -153,7 +152,7 @@ def test_small_reproduction_from_the_command_line(tmp_path):
     words = ["--folder", str(folder), "--seeds", "1", "--strict", "--workers", "1"]
     for name in only:
         words += ["--only", name]
-    done = CliRunner().invoke(command, words)
+    done = CliRunner().invoke(reproduce.reproduce, words)
     assert done.exit_code == 0, done.output
     text = (folder / "report.md").read_text()
     html = (folder / "report.html").read_text()
@@ -169,14 +168,14 @@ def test_small_reproduction_from_the_command_line(tmp_path):
     assert '<tr class="good">' in html
     parts = sorted((folder / "thesis" / "parts").rglob("*.npz"))
     times = [part.stat().st_mtime_ns for part in parts]
-    again = CliRunner().invoke(command, words)
+    again = CliRunner().invoke(reproduce.reproduce, words)
     assert again.exit_code == 0, again.output
     assert [part.stat().st_mtime_ns for part in parts] == times, "finished trials are kept"
 
 
 def test_failure_of_an_experiment_is_reported_not_hidden(tmp_path):
     words = ["--folder", str(tmp_path), "--seeds", "0", "--strict", "--workers", "1"]
-    done = CliRunner().invoke(command, [*words, "--only", "compensation"])
+    done = CliRunner().invoke(reproduce.reproduce, [*words, "--only", "compensation"])
     assert done.exit_code == 3
     assert "is missing" in (tmp_path / "report.md").read_text()
 
@@ -193,6 +192,7 @@ def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, be
 def test_bad_plant_file_is_told(tmp_path):
     plant = tmp_path / "plant.yaml"
     plant.write_text("vertical: 3\n")
-    done = CliRunner().invoke(command, ["--folder", str(tmp_path / "o"), "--plant", str(plant)])
+    words = ["--folder", str(tmp_path / "o"), "--plant", str(plant)]
+    done = CliRunner().invoke(reproduce.reproduce, words)
     assert done.exit_code == 1
     assert "plant.yaml" in done.output

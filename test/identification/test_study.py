@@ -63,7 +63,7 @@ def test_reaches_are_as_fast_as_their_names():
 
 def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
     run = CliRunner().invoke(
-        study.command,
+        study.study,
         ["--rigs", "2", "--mode", "1", "--case", "held", "--folder", str(tmp_path),
          "--workers", "1"],
     )  # fmt: skip
@@ -82,12 +82,12 @@ def test_the_plane_has_rigs_and_a_table_of_its_own(tmp_path):
     assert {rig.loop.rate for rig in rigs} == {250.0, 500.0}
     assert all(1e-3 <= rig.loop.force_age <= 3e-3 for rig in rigs)
     call = ["--plane", "--rigs", "1", "--folder", str(tmp_path), "--workers", "1", "--case"]
-    run = CliRunner().invoke(study.command, [*call, "fast_x"])
+    run = CliRunner().invoke(study.study, [*call, "fast_x"])
     assert run.exit_code == 0, run.output
     assert "feedback" in (tmp_path / "study.md").read_text(encoding="utf-8")
     found = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))["A"]["fast_x"]["rms"]
     assert found["1"][0] < 0.3 * found["0"][0]
-    assert CliRunner().invoke(study.command, [*call, "obstacle, not felt"]).exit_code == 2
+    assert CliRunner().invoke(study.study, [*call, "obstacle, not felt"]).exit_code == 2
 
 
 def test_the_least_share_is_the_worst():

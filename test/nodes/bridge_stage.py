@@ -19,8 +19,9 @@ from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
+from screw_module_ros.terminal import Console
 from screw_module_ros.trials.patient import Person, SimulatedPlayer
-from screw_module_ros.trials.runner import Console, GraphRun
+from screw_module_ros.trials.runner import GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"

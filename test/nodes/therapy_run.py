@@ -11,8 +11,9 @@ from screw_module_msgs.msg import AssistanceChange, TherapyState, TrialResult
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.terminal import Console
 from screw_module_ros.trials.patient import HEALTHY, PEOPLE, SimulatedPlayer
-from screw_module_ros.trials.runner import Console, GraphRun
+from screw_module_ros.trials.runner import GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 

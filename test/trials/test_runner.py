@@ -12,9 +12,10 @@ from click.testing import CliRunner
 from screw_module_ros.nodes.support.place import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import BagError
+from screw_module_ros.terminal import FiniteRange
 from screw_module_ros.trials import runner
 from screw_module_ros.trials.bench import bench
-from screw_module_ros.trials.runner import FiniteRange, Interrupted, command, new_folder
+from screw_module_ros.trials.runner import Interrupted, command, new_folder
 from screw_module_ros.trials.soak import soak
 
 
