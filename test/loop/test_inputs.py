@@ -35,7 +35,7 @@ def test_what_is_left_of_a_set_point(age_ns, acts, position, velocity):
 @pytest.mark.parametrize("pause_s", [0.2, 1.1])
 @pytest.mark.parametrize("disabled", [False, True])
 def test_it_does_not_pull_to_where_a_game_was(enabled, disabled, pause_s, monkeypatch):
-    """Its page was closed; the patient was strapped in again, elsewhere, in mode OFF or disabled."""
+    """Its page was closed; the patient was strapped in again somewhere else."""
     controller, mode = enabled.controller, enabled.controller.mode
     controller.wanted.ask((enabled.home + 0.1,), (0.0,), enabled.now_ns)
     monkeypatch.setattr(controller.wanted, "ask", lambda *_: None)
