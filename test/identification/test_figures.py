@@ -19,8 +19,8 @@ SPRING = Spring(100.0, 0.18)
 ON_THE_MODULE = [
     name for name in EXPERIMENTS if name not in {*SETTINGS, "stability", "calibration"}
 ]
-"""Experiments that formulas cannot stand in for; `test_kept_results.py` and `test_stability.py` draw
-the others, and `calibration` writes a file."""
+"""Experiments that formulas cannot stand in for. `test_kept_results.py` and `test_stability.py`
+draw the others, and `calibration` writes a file."""
 
 
 def loop(name: str, beyond: float, samples: int = 20_000) -> Trace:
