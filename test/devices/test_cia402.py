@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole CiA 402 state machine, from the tables of the standard."""
+"""The whole CiA 402 state machine, from the tables of the standard; emergencies by name."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Position and velocity of the nut and of the joints: one implementation, homed on the host."""
+"""Counts that wrap; position and velocity of nut and joints, homed on the host."""
 
 from __future__ import annotations
 
