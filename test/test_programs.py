@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every executable is there; one that cannot be imported says what is not installed."""
+"""What a program needs before it runs: its entry, its packages, its files, its ROS domain."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from rclpy.context import Context
 
-from screw_module_ros import programs
+from screw_module_ros import programs, resources
+from screw_module_ros.domain import domain_id
 from screw_module_ros.programs import PROGRAMS, missing
 
 ROOT = Path(__file__).parents[1]
@@ -70,3 +72,55 @@ def test_messages_of_another_version_are_told():
 
 def test_a_defect_of_ours_keeps_its_traceback():
     assert missing(ModuleNotFoundError("", name="screw_module_ros.nodes.nothing")) == ""
+
+
+@pytest.mark.parametrize("told", ["", "0", "7", "07", "010", "0x10", "+5", " 12", "101"])
+def test_as_the_middleware_reads_it(monkeypatch, told):
+    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+    context = Context()
+    context.init(args=[])
+    try:
+        assert domain_id() == context.get_domain_id()
+    finally:
+        context.try_shutdown()
+
+
+def test_without_the_variable_it_is_0(monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    assert domain_id() == 0
+
+
+@pytest.mark.parametrize(
+    "told", ["seven", "7th", "08", "-1", "0x", "1.0", "9" * 1000, "٣", "233", "0xE9"]
+)
+def test_what_is_no_number_is_named(monkeypatch, told):
+    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+    with pytest.raises(ValueError, match="ROS_DOMAIN_ID") as raised:
+        domain_id()
+    assert len(str(raised.value)) < 100
+
+
+def test_a_file_of_the_source_tree_is_found() -> None:
+    assert resources.resource_path("package.xml").read_text().startswith("<?xml")
+
+
+def test_a_file_inside_the_package_is_found() -> None:
+    assert resources.resource_path("resources.py") == Path(resources.__file__).resolve()
+
+
+def test_an_installed_file_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "share/screw_module_ros/params/mine.yaml"
+    file.parent.mkdir(parents=True)
+    file.touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
+    assert resources.resource_path("params/mine.yaml") == file
+
+
+def test_a_missing_file_is_named_with_the_places() -> None:
+    with pytest.raises(resources.ResourceError, match=r"params/none\.yaml not found in .*ros"):
+        resources.resource_path("params/none.yaml")
+
+
+def test_the_plain_package_brings_no_ros() -> None:
+    code = "import sys, screw_module_ros; sys.exit('rclpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

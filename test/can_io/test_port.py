@@ -7,10 +7,19 @@ import threading
 
 import can
 import pytest
-from scripted_devices import ScriptedEncoder
 
 from screw_module_ros.can_io import bus
 from screw_module_ros.can_io.bus import BusSettings, open_bus, open_port
+from screw_module_ros.can_io.frames import (
+    ERROR,
+    EXTENDED,
+    FD,
+    OWN,
+    REMOTE,
+    STANDARD_ID,
+    frames_of,
+    word_of,
+)
 from screw_module_ros.can_io.port import MAX_FRAMES_PER_PUMP, Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.encoder import Encoder, EncoderSettings
@@ -54,10 +63,6 @@ def test_two_subscribers_of_one_identifier_and_leaving(wire, heard):
     wire.port.pump()
     assert again == [b"\x01"]
     assert [data for data, _ in heard] == [b"\x01", b"\x02"]
-
-
-def test_pump_does_not_wait_when_told_not_to(wire):
-    assert wire.port.pump() == 0
 
 
 def test_babbling_device_cannot_hold_the_loop(wire, heard):
@@ -140,15 +145,6 @@ def test_closed_bus_raises_on_both_ways(wire):
     assert wire.port.counters["receive_errors"] == 2
 
 
-def test_full_buffer_is_a_bus_error_with_the_way_out(wire, monkeypatch):
-    def refuse(message, timeout=None):
-        raise can.CanOperationError("Transmit buffer full")
-
-    monkeypatch.setattr(wire.bus, "send", refuse)
-    with pytest.raises(BusError, match="Transmit buffer full; check cable"):
-        wire.port.send(0x201, b"")
-
-
 # -- SDO while a loop pumps ----------------------------------------------------------------------
 
 
@@ -213,13 +209,6 @@ def test_settings_out_of_range(field, value):
         open_bus(BusSettings(**{field: value}))
 
 
-def test_virtual_bus_opens():
-    port = open_port(BusSettings(interface="virtual", channel="opens", sync_producer=False))
-    assert port.name == "virtual opens"
-    assert port.sync_producer is False
-    port.close()
-
-
 @pytest.mark.parametrize("interface", ["udp_multicast", "socketcan", "pcan"])
 def test_simulated_time_is_refused_with_any_bus_that_is_not_simulated(interface):
     """Old parameter files name udp_multicast: the sentence says what to write now."""
@@ -256,15 +245,6 @@ def test_a_bus_is_sent_to_by_one_thread_at_a_time(wire):
     assert port.counters["sent"] == 5
 
 
-def test_scripted_encoder_also_answers_over_a_second_wire(wire):
-    """The scripted end is no mock of the driver: it answers raw frames of anybody."""
-    end = wire.attach(ScriptedEncoder(wire))
-    end.operational = True
-    wire.port.send(0x080, b"")
-    wire.port.pump()
-    assert wire.port.counters["unclaimed"] == 1
-
-
 def test_a_loop_that_wants_to_read_comes_first(wire, heard):
     """Else whoever waits for an SDO answer takes the lock again and again and the loop starves."""
     port = wire.port
@@ -273,3 +253,28 @@ def test_a_loop_that_wants_to_read_comes_first(wire, heard):
     assert not port.wait_for(lambda: heard, 0.02), "left to the loop"
     port.pump()
     assert heard and not port._loop_waits
+
+
+@pytest.mark.parametrize(
+    ("flags", "word"),
+    [
+        ({}, 0x123),
+        ({"is_extended_id": True}, 0x123 | EXTENDED),
+        ({"is_remote_frame": True}, 0x123 | REMOTE),
+        ({"is_error_frame": True}, 0x123 | ERROR),
+        ({"is_fd": True}, 0x123 | FD),
+        ({"is_rx": False}, 0x123 | OWN),
+    ],
+)
+def test_only_a_plain_frame_of_another_node_has_no_flag(flags, word):
+    message = can.Message(**{"arbitration_id": 0x123, "is_extended_id": False, **flags})
+    assert word_of(message) == word
+    assert (word > STANDARD_ID) == bool(flags)
+
+
+def test_a_bus_of_messages_sends_and_receives_frames():
+    with can.Bus(interface="virtual", channel="frames") as near, \
+            can.Bus(interface="virtual", channel="frames") as far:  # fmt: skip
+        frames_of(near).send_frame(0x7FF, b"\x01\x02")
+        assert frames_of(far).receive_frame(0.0) == (0x7FF, b"\x01\x02")
+        assert frames_of(far).receive_frame(0.0) is None

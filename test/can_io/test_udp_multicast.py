@@ -9,7 +9,6 @@ import threading
 import can
 import pytest
 from can.interfaces.udp_multicast import UdpMulticastBus
-from can.interfaces.udp_multicast.utils import pack_message
 
 from screw_module_ros.can_io.bus import BusSettings, open_bus, open_port
 from screw_module_ros.devices.encoder import Encoder, EncoderSettings
@@ -108,15 +107,3 @@ def test_a_foreign_sync_is_told_from_our_own(port, far, wait_until):
     far.send(can.Message(arbitration_id=0x080, is_extended_id=False))
     wait_until(lambda: pumped(port) and port.counters["foreign_sync"], what="the foreign SYNC")
     assert port.counters["foreign_sync"] == 1
-
-
-def test_datagrams_that_are_no_frames_are_left_out(settings, port, far, wait_until):
-    seen = []
-    port.subscribe(0x181, lambda data, arrival: seen.append(bytes(data)))
-    good = pack_message(can.Message(arbitration_id=0x181, data=b"ok", is_extended_id=False))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        for datagram in (b"", b"nonsense", good[:-3], b"\x81\xa1x\x01", good):
-            other.sendto(datagram, (GROUP, settings.port))
-        wait_until(lambda: pumped(port) and seen, what="the good frame")
-    assert seen == [b"ok"]
-    assert port.counters["receive_errors"] == 0

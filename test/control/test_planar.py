@@ -7,37 +7,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import PlanarArm, forward, inverse, jacobian, reaches
-from screw_module_ros.settings import fields
 
 SETTINGS = PlanarSettings().validated()
 DT = 0.002
 NO_SETPOINT = (math.nan,) * 4
-
-wild = st.floats(allow_nan=True, allow_infinity=True)
-real_inputs = st.builds(
-    PlanarInput,
-    st.floats(-0.5, 2.0),
-    st.floats(1.0, 3.3),
-    st.floats(-5.0, 5.0),
-    st.floats(-5.0, 5.0),
-    *[st.one_of(st.just(math.nan), st.floats(-1.0, 1.0))] * 4,
-    st.booleans(),
-)
-wild_inputs = st.builds(PlanarInput, *[wild] * 8, st.booleans())
-any_law = (
-    st.tuples(
-        *(
-            st.floats(field.setting.low, field.setting.high)
-            for field in fields(PlanarSettings).values()
-            if field.setting.text
-        )
-    )
-    .map(lambda values: PlanarSettings(*values))
-)  # fmt: skip
 
 
 def at(x, y, setpoint=NO_SETPOINT, velocity=(0.0, 0.0), active=True):
@@ -189,32 +165,6 @@ def test_a_measurement_that_cannot_be_gives_zero(field, value):
     assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
     assert (output.vx, output.vy) == (0.0, 0.0), "nothing is known of the motion"
     assert all(math.isfinite(value) for value in output)
-
-
-@given(
-    any_law,
-    st.lists(st.tuples(st.one_of(real_inputs, wild_inputs), st.integers(1, 15)), max_size=6),
-    st.sampled_from([0.0005, 0.002, 0.005, 1.0]),
-)
-def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, dt):
-    state, previous = initial_state(law), (0.0, 0.0)
-    for inp, repeats in sequence:
-        for _ in range(repeats):
-            output = planar_step(law, state, inp, dt)
-            torques = output.shoulder_torque, output.elbow_torque
-            assert all(math.isfinite(value) for value in output)
-            assert abs(torques[0]) <= law.shoulder_torque
-            assert abs(torques[1]) <= law.elbow_torque
-            assert math.hypot(output.force_x, output.force_y) <= law.force_limit * (1 + 1e-9)
-            assert abs(output.desired_x) <= law.half_width
-            assert abs(output.desired_y) <= law.half_depth
-            if not inp.active:
-                assert torques == (0.0, 0.0)
-            for torque, before in zip(torques, previous, strict=True):
-                if torque != 0.0:
-                    largest = law.torque_rate * min(dt, LONGEST_STEP)
-                    assert abs(torque - before) <= largest * (1 + 1e-9) + 1e-9
-            previous = torques
 
 
 def test_workspace_lies_within_the_joint_limits():

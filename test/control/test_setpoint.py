@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The set point stays in its range, moves no faster than allowed and is left alone on NaN."""
+"""The set point: in its range, no faster than allowed, no push without motion; minimum jerk."""
+
+from __future__ import annotations
 
 import math
 from dataclasses import replace
@@ -8,7 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.control import planar, vertical
+from screw_module_ros.control.minimum_jerk import PEAK_SPEED, pace, way
 from screw_module_ros.control.setpoint import Range, SetPoint, follow, hold_at
+from screw_module_ros.geometry import inverse
 
 ALLOWED = Range(0.0, 0.36, 0.4, 5.0)
 DT = 0.001
@@ -109,3 +115,52 @@ def test_no_velocity_is_larger_than_the_game_s(wanted):
         follow(ALLOWED, setpoint, position, velocity, 0.02)
         assert math.isfinite(setpoint.velocity) and math.isfinite(setpoint.owed)
         assert abs(setpoint.owed) <= 0.4 * 0.2 + 1e-12
+
+
+FRICTION = thesis_friction()
+
+
+def test_the_vertical_law_is_not_pushed_for_long_by_a_point_that_stands():
+    """The strongest damper, the fastest set point: it was 65 N for ever."""
+    settings = vertical.VerticalSettings(damping=500.0, gravity=0.0)
+    state, forces = vertical.initial_state(settings), []
+    inp = vertical.VerticalInput(1, 0.18, 0.0, 0.0, 0.18, 0.4, True)
+    for _ in range(2000):
+        output = vertical.vertical_step(settings, FRICTION, state, inp, 0.001)
+        forces.append(output.force)
+    assert max(forces) > 10.0
+    assert max(map(abs, forces[400:])) < 1e-9
+
+
+def test_nor_is_the_plane():
+    settings = planar.PlanarSettings(damping=200.0)
+    state, forces = planar.initial_state(settings), []
+    inp = planar.PlanarInput(*inverse(0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.6, -0.6, True)
+    for _ in range(1000):
+        output = planar.planar_step(settings, state, inp, 0.002)
+        forces.append(math.hypot(output.force_x, output.force_y))
+    assert max(forces) > 10.0
+    assert max(forces[200:]) < 1e-6
+
+
+shares = st.floats(-1.0, 2.0)
+
+
+@given(shares)
+def test_it_stays_on_the_way_and_pace_is_its_slope(share):
+    step = 1e-5
+    assert 0.0 <= way(share) <= 1.0 + 1e-12
+    slope = (way(share + step) - way(share - step)) / (2.0 * step)
+    assert pace(share) == pytest.approx(slope, abs=1e-3)
+
+
+@given(st.floats(0.0, 1.0))
+def test_the_way_is_symmetric(share):
+    assert way(share) + way(1.0 - share) == pytest.approx(1.0, abs=1e-12)
+    assert pace(share) <= PEAK_SPEED + 1e-12
+
+
+def test_the_way_is_the_closed_form():
+    assert (way(0.0), way(0.5), way(1.0)) == pytest.approx((0.0, 0.5, 1.0))
+    assert way(0.25) == pytest.approx(10 / 64 - 15 / 256 + 6 / 1024)
+    assert (pace(0.0), pace(0.5), pace(1.0)) == pytest.approx((0.0, PEAK_SPEED, 0.0))

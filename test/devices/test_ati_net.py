@@ -7,7 +7,7 @@ import pytest
 from scripted_devices import ScriptedBox
 
 from screw_module_ros.devices.ati_net import NetForceSensor
-from screw_module_ros.devices.errors import NotAnswering, NotConfigured, Occupied
+from screw_module_ros.devices.errors import NotConfigured, Occupied
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 
 SETTINGS = ForceSensorSettings(
@@ -100,12 +100,6 @@ def test_another_master_is_noticed_before_the_start(wire, box):
     wire.emit(0x120, b"\x02")
     with pytest.raises(Occupied):
         sensor.configure()
-
-
-def test_a_box_that_is_not_there_is_told(wire, box):
-    box.mute = True
-    with pytest.raises(NotAnswering, match="DIP switches"):
-        started(wire)
 
 
 @pytest.mark.parametrize("missing", ["counts_per_force", "counts_per_torque"])

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole CiA 402 state machine, from the tables of the standard."""
+"""The whole CiA 402 state machine, from the tables of the standard; emergencies by name."""
 
 from __future__ import annotations
 
 import itertools
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scripted_devices import STATUSWORDS
 
-from screw_module_ros.devices import cia402
+from screw_module_ros.devices import cia402, emcy
 from screw_module_ros.devices.cia402 import CONTROLWORD, Goal, State
 
 S = State
@@ -38,10 +35,6 @@ def state_by_hand(word: int) -> State:
 
 def test_every_statusword_decodes_as_the_table_says():
     assert all(cia402.decode(word) is state_by_hand(word) for word in range(0x10000))
-
-
-def test_words_of_the_scripted_drive_decode_to_their_states():
-    assert {cia402.decode(word).text: word for word in STATUSWORDS.values()} == STATUSWORDS
 
 
 def test_the_numbers_are_those_of_the_message():
@@ -90,23 +83,6 @@ def test_illegal_transitions():
         assert cia402.is_legal(before, after) == ((before, after) in legal), (before, after)
 
 
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        (S.SWITCH_ON_DISABLED, S.OPERATION_ENABLED),
-        (S.SWITCH_ON_DISABLED, S.SWITCHED_ON),
-        (S.READY_TO_SWITCH_ON, S.OPERATION_ENABLED),
-        (S.FAULT, S.OPERATION_ENABLED),
-        (S.FAULT, S.READY_TO_SWITCH_ON),
-        (S.FAULT_REACTION_ACTIVE, S.SWITCH_ON_DISABLED),
-        (S.QUICK_STOP_ACTIVE, S.SWITCHED_ON),
-        (S.OPERATION_ENABLED, S.NOT_READY_TO_SWITCH_ON),
-    ],
-)
-def test_jumps_are_illegal(before, after):
-    assert not cia402.is_legal(before, after)
-
-
 # CiA 402-2 table 4, bits 7 3 2 1 0: what each step up and down must look like.
 @pytest.mark.parametrize(
     ("goal", "state", "word"),
@@ -141,6 +117,43 @@ def test_operation_is_enabled_by_one_goal_only_and_no_table_resets_a_fault():
         assert (word & 0x0F == 0x0F) <= (goal is Goal.OPERATION_ENABLED)
 
 
-@given(st.integers(0, 0xFFFF))
-def test_decoding_needs_only_the_low_seven_bits(word):
-    assert cia402.decode(word) is cia402.decode(word & 0x7F)
+def test_layout_by_hand():
+    found = emcy.decode(bytes.fromhex("30 81 11 DE AD 00 00 01"))
+    assert found == (0x8130, 0x11, b"\xde\xad\x00\x00\x01")
+    assert found.text == (
+        "0x8130 life guard or heartbeat error; register: generic, communication; "
+        "vendor data de ad 00 00 01"
+    )
+
+
+@pytest.mark.parametrize("data", ["", "00", "30 81 11 00 00 00 00"])
+def test_wrong_length_is_none(data):
+    assert emcy.decode(bytes.fromhex(data)) is None
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [
+        (0x0000, "error reset or no error"),
+        (0x1000, "generic error"),
+        (0x2310, "continuous overcurrent, motor side"),
+        (0x2312, "continuous overcurrent, motor side"),
+        (0x3220, "DC link undervoltage"),
+        (0x4310, "excess temperature, drive"),
+        (0x7305, "incremental sensor 1 fault"),
+        (0x73FF, "sensor"),
+        (0x8250, "RPDO timeout"),
+        (0x8611, "following error"),
+        (0x8FFF, "monitoring"),
+        (0xFF42, "device specific"),
+        (0x0100, "unknown error"),
+        (0xE000, "unknown error"),
+    ],
+)
+def test_names(code, name):
+    assert emcy.code_name(code) == name
+
+
+def test_reset():
+    assert emcy.decode(bytes(8)).is_reset
+    assert not emcy.decode(bytes.fromhex("00 10 01 00 00 00 00 00")).is_reset

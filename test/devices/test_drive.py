@@ -156,19 +156,6 @@ def test_disabling_is_voltage_off_then_up_to_switched_on(wire, enabled, drive_en
     assert enabled.fault == ""
 
 
-def test_a_drive_that_shall_brake_is_disabled_by_its_ramp(wire, drive_end):
-    drive = started(wire, drive_end, SETTINGS._replace(stop_reaction="brake"))
-    drive.request_enable()
-    for _ in range(3):
-        tick(wire, drive)
-    drive.request_disable()
-    for _ in range(5):
-        tick(wire, drive, 0.3)
-        assert commands(wire)[-1] == "07 00 00 00"
-    assert drive_end.state == "switched on"
-    assert drive.fault == ""
-
-
 def test_enabling_again_waits_until_the_drive_has_left(wire, enabled, drive_end):
     """Else the statusword that obeys the disabling looks like an exit that nobody asked for."""
     enabled.request_disable()
@@ -258,13 +245,6 @@ def test_whatever_the_drive_shows_torque_is_zero_unless_enabled_and_asked_for(sc
         wire.close()
 
 
-def test_nothing_is_enabled_that_nobody_asked_for(wire, drive, drive_end):
-    drive_end.state = "operation enabled"
-    assert tick(wire, drive, 0.3) == 0.0
-    assert commands(wire)[-1] == "00 00 00 00"
-    assert drive_end.state == "switch on disabled"
-
-
 # -- exits nobody asked for ----------------------------------------------------------------------
 
 
@@ -342,16 +322,6 @@ def test_enabled_drive_that_falls_back_is_stopped(wire, enabled, drive_end):
     enabled.clear_fault()
     tick(wire, enabled)
     assert drive_end.nmt == [0x02, 0x01]
-
-
-def test_drive_that_falls_back_switched_off_is_not_stopped(wire, drive, drive_end):
-    drive_end.handle(0x000, bytes([0x80, 0x00]))
-    drive_end.nmt.clear()
-    wire.emit(0x701, "7F")
-    for _ in range(300):
-        tick(wire, drive)
-    assert drive.fault
-    assert drive_end.nmt == []
 
 
 def test_drive_in_fault_is_named_with_its_emergency(wire, enabled, drive_end):
@@ -466,20 +436,6 @@ def test_recovery_tries_again_while_the_cause_stands_then_gives_up(wire, enabled
     assert enabled.fault == ""
 
 
-def test_recovery_restarts_a_drive_that_fell_back(wire, enabled, drive_end):
-    drive_end.operational = False
-    drive_end.fail("30 81 11 00 00 00 00 00")
-    for _ in range(20):
-        tick(wire, enabled)
-    assert "heartbeat error" in enabled.fault
-    enabled.clear_fault()
-    for _ in range(10):
-        tick(wire, enabled)
-    assert drive_end.operational
-    assert drive_end.state == "switched on"
-    assert enabled.fault == ""
-
-
 # -- the bus -------------------------------------------------------------------------------------
 
 
@@ -520,32 +476,12 @@ def test_wrong_lengths_are_counted_and_not_believed(wire, enabled):
     assert enabled.counters["wrong_length"] == 4
 
 
-def test_missing_and_unexpected_statuswords_are_counted(wire, drive, drive_end):
-    drive_end.answering = False
-    for _ in range(3):
-        tick(wire, drive)
-    assert drive.counters["missing"] == 2  # the third may still come
-    drive_end.report()
-    drive_end.report()
-    wire.port.pump()
-    assert drive.counters["unexpected"] == 1
-
-
 def test_a_statusword_that_means_nothing_stops_the_drive(wire, enabled):
     wire.emit(0x181, "05 00 00 00 00 00 00 00")
     wire.port.pump()
     assert enabled.write(0.3, wire.now_ns) == 0.0
     assert enabled.counters["bad_statusword"] == 1
     assert "unknown" in enabled.fault
-
-
-def test_jumps_between_states_are_counted(wire, drive, drive_end):
-    drive_end.state = "switch on disabled"
-    tick(wire, drive)
-    drive_end.command = lambda word: None
-    drive_end.state = "operation enabled"
-    tick(wire, drive)
-    assert drive.counters["illegal_transitions"] == 1
 
 
 def test_a_recovery_that_fails_enables_nothing(wire, drive, drive_end):
@@ -649,10 +585,11 @@ def test_a_drive_that_brakes_when_disabled_may_take_its_time(wire, drive_end):
     command, drive_end.command = drive_end.command, lambda word: None
     drive.request_disable()
     for _ in range(500):
-        alive(wire, drive)
+        alive(wire, drive, 0.3)
+        assert commands(wire)[-1] == "07 00 00 00"
     drive_end.command = command
     alive(wire, drive)
-    assert drive.fault == ""
+    assert (drive.fault, drive_end.state) == ("", "switched on")
 
 
 def test_excess_torque_of_35_newtons_does_not_last(wire, enabled, drive_end):

@@ -6,24 +6,18 @@ from __future__ import annotations
 import math
 import random
 import struct
-from types import SimpleNamespace
 
 import pytest
-from can.interfaces.virtual import VirtualBus
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from running_drivers import tick
-from scripted import TiedBus, Wire
-from scripted_devices import ScriptedSensor
+from scripted import Wire
 
-from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import BusError, NotAnswering, NotNow, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
 from screw_module_ros.devices.tare import zero_error
-from screw_module_ros.rig.rig import Rig
 from screw_module_ros.samples import ForceReading
 
 SETTINGS = ForceSensorSettings(listen=0.0, timeout=0.02, tare_samples=2)
@@ -78,13 +72,6 @@ def test_diagnostic_voltages(wire, sensor):
     names = ("mid supply", "thermistor", "power", "DAC", "ground")
     counts = (0x0010, 0x0210, 0x0310, 0x0410, 0x0510)
     assert sensor.voltages == dict(zip(names, counts, strict=True))
-
-
-def test_reset_is_followed_by_a_new_configuration(wire, sensor):
-    wire.frames.clear()
-    sensor.reset()
-    assert wire.frames[0] == (0x12C, b"")
-    assert wire.sent(0x122)
 
 
 # -- who is there --------------------------------------------------------------------------------
@@ -410,79 +397,6 @@ def test_zero_switches_the_look_at_frozen_gauges_off(wire, sensor_end):
     assert sensor.fault == ""
 
 
-@settings(max_examples=40)
-@given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 30)), max_size=12))
-def test_frozen_means_so_many_equal_samples_in_a_row(runs):
-    """Against the obvious count; runs: what gauge 0 shows, and for how many samples."""
-    wire = Wire("runs of equal samples")
-    try:
-        end = wire.attach(ScriptedSensor(wire))
-        sensor, longest, row, before = started(wire, FREEZING), 0, 0, None
-        for value, count in runs:
-            row = (row if value == before else 0) + count
-            longest, before = max(longest, row), value
-            show(end, gauge_0=value)
-            ticks(wire, sensor, count)
-            assert bool(sensor.fault) == (longest > UNCHANGED)
-    finally:
-        wire.close()
-
-
-class SimulatedEnd:
-    """The rig's sensor in a world that stands still, answering inside each send."""
-
-    def __init__(self, channel, settings):
-        self.clock = ManualClock(1_000_000_000_000)
-        self.far = VirtualBus(channel=channel)
-        world = SimpleNamespace(wrench=lambda: (0.0,) * 6, advance=lambda _dt: None)
-        self.rig = Rig({"force_sensor": self.far}, world)
-        self.bus = TiedBus(channel, self)
-        self.sensor = ForceSensor(Port(self.bus, clock=self.clock), settings)
-        self.sensor.configure()
-        self.sensor.start()
-        self.period_ns = round(1e9 / settings.rate)
-
-    def step(self):
-        self.rig.process(self.now_ns)
-
-    def samples(self, count):
-        return [tick(self, self.sensor, number) for number in range(count)]
-
-    def advance(self):
-        self.clock.time_ns += self.period_ns
-        return self.now_ns
-
-    @property
-    def now_ns(self):
-        return self.clock.time_ns
-
-    @property
-    def port(self):
-        return self.sensor._port
-
-    def close(self):
-        self.bus.shutdown()
-        self.far.shutdown()
-
-
-@pytest.fixture(params=[50.0, 1000.0])
-def simulated(request):
-    end = SimulatedEnd(request.node.nodeid, SETTINGS._replace(rate=request.param))
-    yield end
-    end.close()
-
-
-def test_the_simulated_sensor_at_rest_is_never_frozen_until_it_is(simulated):
-    assert None not in simulated.samples(3000)
-    assert simulated.sensor.fault == ""
-    simulated.rig.inject("force_sensor", "freeze", 0.0, 0.0, simulated.now_ns)
-    simulated.step()
-    in_time = unchanged_samples(simulated.sensor.settings) - 1  # frozen at the last sample
-    assert None not in simulated.samples(in_time)
-    assert simulated.samples(2)[-1] is None
-    assert "have not changed for 0.5 s" in simulated.sensor.fault
-
-
 # -- what goes wrong -----------------------------------------------------------------------------
 
 
@@ -570,24 +484,6 @@ def test_halves_in_the_wrong_order_are_no_sample(wire, sensor, sensor_end):
     assert sensor.counters["out_of_order"] == 1
 
 
-def test_lost_first_half_costs_one_sample(wire, sensor, sensor_end):
-    sensor_end.answers_polls = False
-    sensor.request(1, wire.advance(), 0)
-    wire.emit(0x121, "00" * 6)
-    wire.port.pump()
-    sensor_end.answers_polls = True
-    assert tick(wire, sensor, 2).sequence == 2
-
-
-def test_duplicates_are_unexpected(wire, sensor):
-    assert tick(wire, sensor) is not None
-    wire.emit(0x120, "00" * 8)
-    wire.emit(0x121, "00" * 6)
-    wire.port.pump()
-    assert sensor.reading() is None
-    assert sensor.counters["unexpected"] == 2
-
-
 def test_another_poller_is_a_fault(wire, sensor):
     wire.emit(0x120, "")
     wire.port.pump()
@@ -611,16 +507,6 @@ def test_who_sets_its_calibration_or_restarts_it_is_a_fault(
     sensor.clear_fault()
     assert len(wire.sent(0x122)) == 6, "the matrix is read anew"
     assert tick(wire, sensor) is not None and sensor.fault == ""
-
-
-def test_other_identifiers_are_left_alone(wire, sensor, sensor_end):
-    sensor_end.answers_polls = False
-    sensor.request(1, wire.advance(), 0)
-    for can_id in (0x110, 0x111, 0x130, 0x131, 0x12A):
-        wire.emit(can_id, "00" * 8)
-    wire.port.pump()
-    assert sensor.reading() is None
-    assert wire.port.counters["unclaimed"] == 5
 
 
 @given(st.lists(st.tuples(st.sampled_from([0x120, 0x121]), st.binary(max_size=8)), max_size=30))
@@ -727,16 +613,6 @@ def test_a_tare_does_not_outlive_a_restart_of_the_board(wire, sensor, sensor_end
     sensor.untare()
     assert not sensor.tared, "that of before is as old"
     sensor.tare([tick(wire, sensor), tick(wire, sensor)])
-    assert sensor.tared
-    sensor.untare()
-    assert not sensor.tared
-
-
-def test_untare_leads_back_to_a_tare_that_counts(wire, sensor):
-    assert not sensor.tared
-    for _ in range(2):
-        sensor.tare([tick(wire, sensor), tick(wire, sensor)])
-    sensor.untare()
     assert sensor.tared
     sensor.untare()
     assert not sensor.tared

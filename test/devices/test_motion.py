@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Position and velocity of the nut and of the joints: one implementation, homed on the host."""
+"""Counts that wrap; position and velocity of nut and joints, homed on the host."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from screw_module_ros.devices.motion import Motion
+from screw_module_ros.devices.motion import FULL_RANGE, Motion, Unwrapper
 from screw_module_ros.filters import LONGEST_GAP
 
 MS = 1_000_000
@@ -53,3 +55,19 @@ def test_restart_forgets_the_home_position():
     motion.home(0.2)
     motion.restart()
     assert not motion.homed and not motion.seen
+
+
+@given(st.integers(2, FULL_RANGE), st.lists(st.floats(-0.499, 0.499), max_size=50), st.data())
+def test_any_walk_with_steps_below_half_a_range_is_followed(measuring_range, steps, data):
+    true = data.draw(st.integers(-(measuring_range // 2), (measuring_range - 1) // 2))
+    unwrapper = Unwrapper(measuring_range)
+    assert unwrapper.step(true % measuring_range) == true
+    for step in steps:
+        true += int(step * measuring_range)
+        assert unwrapper.step(true % measuring_range) == true
+
+
+@pytest.mark.parametrize("measuring_range", [0, 1, FULL_RANGE + 1])
+def test_ranges_that_cannot_be(measuring_range):
+    with pytest.raises(ValueError, match="measuring_range"):
+        Unwrapper(measuring_range)

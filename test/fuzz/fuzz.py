@@ -41,12 +41,6 @@ def _can(folder: Path) -> Target:
     return CanFrames()
 
 
-def _rig(folder: Path) -> Target:
-    from rig_frames import RigFrames
-
-    return RigFrames()
-
-
 def _nodes(folder: Path) -> Target:
     from node_requests import NodeRequests
 
@@ -69,7 +63,6 @@ TARGETS: dict[str, tuple[str, Callable[[Path], Target]]] = {
     "bags": ("recorders killed, bags cut, torn, flipped: session verify, info, recover", _bags),
     "yaml": ("settings, calibrations, parameter files, protocols, plants", _yaml),
     "can": ("frames into every driver", _can),
-    "rig": ("frames into the simulated devices", _rig),
     "nodes": ("services and parameters of every node", _nodes),
     "state": ("what the supervisor left for its next start", _state),
     "therapy": ("samples and wishes into a therapy session", _therapy),

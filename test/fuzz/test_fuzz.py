@@ -9,7 +9,7 @@ import runner
 
 pytestmark = pytest.mark.long
 
-CASES = {"bags": 20, "yaml": 150, "can": 60, "rig": 10, "nodes": 200, "state": 300, "therapy": 10}
+CASES = {"bags": 20, "yaml": 150, "can": 60, "nodes": 200, "state": 300, "therapy": 10}
 
 
 @pytest.mark.parametrize("name", CASES)

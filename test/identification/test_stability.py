@@ -186,13 +186,18 @@ def test_what_limits_is_what_helps_most_when_taken_away():
 RIGID = stability.Settings(mount_stiffness=0.0)
 
 
+CERTIFIED = ("hand", "heavy_arm", "wall")
+
+
 class Nothing:
     """A bench without a module."""
 
     rate, name, serial, offers = 1000.0, "no module", "", frozenset(WAYS_OUT)
 
 
-def test_experiment_predicts_without_a_simulated_module(tmp_path):
+def test_experiment_predicts_without_a_simulated_module(tmp_path, monkeypatch):
+    met = {name: stability.ENVIRONMENTS[name] for name in CERTIFIED}
+    monkeypatch.setattr(stability, "ENVIRONMENTS", met)
     result = stability.run(Lab(Nothing(), tmp_path), RIGID)
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
@@ -200,13 +205,16 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
     with pytest.raises(KeyError):
         result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
-    assert stability.draw(result)["stability"].axes
+    (drawn,) = stability.draw(result).values()
+    for axes, over in zip(drawn.axes, ("delay", "mass"), strict=True):
+        assert over in axes.get_xlabel() and len(axes.lines) >= len(stability.CURVES)
     assert_certified(result, tmp_path)
 
 
 def test_a_loop_that_no_gain_makes_unstable_is_said(tmp_path, monkeypatch):
     free = {"free": ("a free handle", Arm(0.0, 0.0, 1.0))}
     monkeypatch.setattr(stability, "ENVIRONMENTS", free)
+    monkeypatch.setattr(stability, "_curves", lambda *_: {})
     result = stability.run(Lab(Nothing(), tmp_path), RIGID)
     assert math.isinf(result.value("feedback_free"))
     assert "none up to 100 is unstable" in result.quantity("feedback_free").text
@@ -253,7 +261,7 @@ def assert_certified(result, folder):
     permitted = load_certificate(folder / certificate.FILE, "ARM-0007")
     assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
     for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
-        stable = [result.value(f"{law}_{met}") for met in ("hand", "heavy_arm", "wall")]
+        stable = [result.value(f"{law}_{met}") for met in CERTIFIED]
         assert min(stable) - 0.01 <= gain <= min(stable)
 
 
@@ -261,11 +269,11 @@ SLOW_LOOP = conditions_of(USUAL._replace(observer_inertia=0.35), 1000.0, 1.26e-3
 
 
 def permitted_with(conditions: Conditions) -> dict[str, float]:
-    """Return the largest gains that are stable on hand, heavy arm and damped wall, by setting."""
+    """Return the largest gains that are stable on heavy arm and damped wall, by setting."""
     c = conditions
     own = {name: getattr(c, name) for name in c._fields if hasattr(USUAL, name)}
     feedback, moving = stability.laws_of(USUAL._replace(**own), c.velocity_cutoff)
-    met = [stability.ENVIRONMENTS[name][1] for name in ("hand", "heavy_arm", "wall")]
+    met = [stability.ENVIRONMENTS[name][1] for name in ("heavy_arm", "wall")]  # a hand bears more
     return {
         setting: min(largest_gain(BARE, on, Sampling(c.rate, c.delay), law) for on in met)
         for setting, law in ((FEEDBACK, feedback), (OBSERVED, moving))
@@ -287,8 +295,7 @@ def test_what_a_certificate_refuses_costs_margin():
         found = permitted_with(other)
         for gain in (FEEDBACK, OBSERVED):
             assert (found[gain] < usual[gain]) == (gain in gains), (name, gain)
-    for cutoff in (10.0, 100.0):
-        assert permitted_with(loop._replace(velocity_cutoff=cutoff)) == usual
+    assert permitted_with(loop._replace(velocity_cutoff=10.0)) == usual
 
 
 def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkeypatch):
@@ -298,6 +305,8 @@ def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkey
     """
     walls = {name: stability.ENVIRONMENTS[name] for name in ("wall", "light_wall")}
     monkeypatch.setattr(stability, "ENVIRONMENTS", walls)
+    monkeypatch.setattr(stability, "_curves", lambda *_: {})
+    monkeypatch.setattr(stability, "limits", lambda *_: {"the delay": 1.0})
     identified(tmp_path, 10.04, 7.0)
     found = stability.run(Lab(Nothing(), tmp_path), RIGID)
     assert (found.settings["mass"], found.settings["observer_inertia"]) == (7.0, KNOWN_SHARE)

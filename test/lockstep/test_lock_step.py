@@ -550,3 +550,27 @@ def test_processes_with_different_periods_all_see_each_of_their_ticks(conductor,
             conductor.sleep(0.01)
     assert [process.exitcode for process in processes] == [0] * len(periods)
     assert page.now_ns == START_NS + 700 * MS
+
+
+def test_to_be_idle_again_is_no_progress():
+    page = Page(f"test_idle_{os.getpid()}")
+    try:
+        member = Member(page, "loop", lambda: False)
+        member.idle()
+        declared = page.waits[member.row]
+        member.idle()
+        assert page.waits[member.row] == declared
+        member.busy()
+        member.idle()
+        assert page.waits[member.row] == declared + 1
+    finally:
+        page.close()
+
+
+def test_who_was_idle_holds_time_even_when_its_wait_is_over_at_once(page, conductor):
+    member = Member(page, "loop", lambda: False)
+    member.idle()
+    conductor.move(3_000_000)
+    member.wait(1_000_000)
+    assert conductor.quiet() is None
+    member.leave()

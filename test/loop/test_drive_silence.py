@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Silence of what a loop compares or measures with: how long it is tolerated, and what follows."""
+"""Silence of what a loop compares or measures with: how long it is tolerated, and what follows.
+
+Also of a drive that restarts meanwhile: no torque without its guards, and a way back.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import pytest
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.devices.errors import NotAnswering
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -98,3 +102,42 @@ def test_a_controller_without_an_amplifier_waits_without_a_fault(bench):
     bench.controller._drive.note(0)
     bench.controller.end_tick(bench.now_ns)
     assert not bench.controller.faulted
+
+
+def restart_unheard(bench, how: str) -> None:
+    bench.rig.inject("drive", how, 0.0, 0.0, bench.now_ns)
+    bench.rig.inject("drive", "reset", 0.0, 0.0, bench.now_ns)
+    bench.seconds(0.3)
+
+
+def watches_our_heartbeat(bench) -> bool:
+    return bench.rig.devices["drive"].node.value(0x1016, 1) != 0
+
+
+@pytest.mark.parametrize("how", ["cable_out", "bus_off"])
+def test_clear_fault_configures_it_anew(enabled, how):
+    restart_unheard(enabled, how)
+    enabled.rig.inject("drive", "clear", 0.0, 0.0, enabled.now_ns)
+    assert not watches_our_heartbeat(enabled)
+    assert enabled.clear_fault() == ""
+    assert watches_our_heartbeat(enabled)
+    assert enabled.enable() == ""
+
+
+def test_a_drive_that_keeps_its_pdos_over_a_restart_is_configured_anew_too(enabled):
+    """It speaks again as if nothing had been; its guards and limits are gone all the same."""
+    enabled.rig.inject("drive", "cable_out", 0.0, 0.0, enabled.now_ns)
+    node = enabled.rig.devices["drive"].node
+    node.put(0x1016, 1, 0)
+    enabled.seconds(0.3)
+    enabled.rig.inject("drive", "clear", 0.0, 0.0, enabled.now_ns)
+    enabled.seconds(0.1)
+    assert enabled.clear_fault() == ""
+    assert watches_our_heartbeat(enabled)
+
+
+def test_while_it_cannot_be_reached_it_stays_off(enabled):
+    restart_unheard(enabled, "cable_out")
+    with pytest.raises(NotAnswering):
+        enabled.axis.permit.clear_fault(enabled.clock)
+    assert enabled.enable() != ""

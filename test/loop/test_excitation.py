@@ -36,7 +36,7 @@ def enabled(bench, request=None):
     bench.controller.excite(request or Excitation(), bench.now_ns)
     bench.axis.ready()
     assert bench.enable() == ""
-    asked(bench, request or Excitation(), 0.8)
+    asked(bench, request or Excitation(), 0.6)
     assert bench.torque_passes
 
 
@@ -55,7 +55,7 @@ def test_the_sine_reaches_the_drive_and_ends(locked):
 def test_a_sender_that_falls_silent_ends_the_torque(locked):
     enabled(locked)
     asked(locked, SINE, 0.3)
-    rows = locked.seconds(0.6)
+    rows = locked.seconds(0.4)
     late = [row for row in rows if row.time - rows[0].time > ENDS_S]
     assert max(torques(rows[:150])) > 0.3 and max(torques(late)) == 0.0
     assert "fallen silent" in locked.controller.reason and locked.controller.faulted
@@ -124,7 +124,7 @@ def test_wide_limits_end_with_their_enable(locked, prepared):
     if prepared:
         assert locked.axis.ready() < 0.35 < wide
         assert locked.enable() == ""
-        locked.seconds(0.8)
+        locked.seconds(0.6)
         sequence = locked.controller.answered.sequence
         locked.clock.time_ns += 1_000_000
         assert locked.axis.command(sequence + 1, locked.now_ns, 140.0, locked.now_ns, IMPEDANCE)

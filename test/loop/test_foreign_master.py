@@ -76,7 +76,7 @@ def test_a_walk_up_that_nobody_asked_for_ends_at_once(robot, intruder):
         for word in (0x06, 0x07, 0x0F):
             intruder.command(word, 1000)
 
-    seen = torques(robot, walk_up, 1000)
+    seen = torques(robot, walk_up, 300)
     assert "somebody else commands" in robot.drive.fault
     assert max(seen) <= LIMIT + QUIET
     assert max(seen[5:]) < QUIET
@@ -94,7 +94,7 @@ def test_random_commands_stop_an_enabled_drive_below_its_own_limit(robot, intrud
         for _ in range(10):
             intruder.command(chance.getrandbits(16), chance.randint(-32768, 32767))
 
-    seen = torques(robot, anything, 300)
+    seen = torques(robot, anything, 150)
     assert max(seen) <= LIMIT + QUIET
     assert max(seen[10:]) < QUIET
     assert not robot.torque_passes and robot.drive.fault
@@ -144,7 +144,7 @@ def test_a_walk_up_by_sdo_ends_as_well(robot, intruder):
         for word in (0x06, 0x07, 0x0F):
             intruder.write(0x6040, word, 2)
 
-    seen = torques(robot, walk_up, 500)
+    seen = torques(robot, walk_up, 300)
     assert "another SDO client" in robot.drive.fault
     assert max(seen) <= LIMIT + QUIET
     assert max(seen[5:]) < QUIET

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A refusal of the supervisor stands for a while, whatever others say meanwhile."""
+"""What the gate permits, and how a refusal or a latched fault ends."""
 
 from __future__ import annotations
 
 import pytest
 
 from screw_module_ros.clock import ManualClock, TimeStandsStill
+from screw_module_ros.devices.errors import BusError
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.safety.permit import CLOSED, STARTING, Permit, PermitSettings
@@ -147,3 +148,39 @@ def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
     with pytest.raises(ZeroDivisionError):
         failing.result(timeout=0.0)
     assert later.result(timeout=0.0) == "done"
+
+
+def implausible(bench) -> None:
+    """Send a new command that no controller may give."""
+    bench.clock.time_ns += MS
+    bench.axis.command(bench.now_ns // MS, bench.now_ns, 1e6, bench.now_ns)
+
+
+def test_a_command_fault_is_latched(bench):
+    implausible(bench)
+    assert "beyond anything" in bench.axis.permit.fault.reason
+
+
+def test_one_clear_fault_clears_what_came_behind_another_fault(bench):
+    bench.axis.permit.fault.set("20 deadlines missed in a row")
+    implausible(bench)
+    fault = bench.axis.permit.fault
+    assert fault.reason == "20 deadlines missed in a row", "the first is the cause"
+    assert bench.clear_fault() == ""
+    bench.ticks(20)
+    assert bench.axis.permit.fault.reason == "", "nothing has happened since"
+
+
+def test_torque_that_cannot_be_sent_is_not_shown_as_written(enabled, monkeypatch):
+    """The state would show the last command for as long as the bus fails."""
+    enabled.setpoint = (enabled.home + 0.03, 0.0)
+    enabled.seconds(0.5)
+    assert abs(enabled.axis.last.torque) > 1e-3
+
+    def fail(can_id, data):
+        raise BusError("cannot send")
+
+    monkeypatch.setattr(enabled.ports["drive"], "send", fail)
+    enabled.ticks(30)
+    assert enabled.axis.permit.reason.startswith("cannot send")
+    assert enabled.axis.last[:2] == (0.0, 0.0)

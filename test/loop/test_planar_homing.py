@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plane's homing: only with the torque off, and twice where it contradicts the last one."""
+"""The plane's homing: torque off, twice where in doubt, anew when a position may have shifted."""
 
 from __future__ import annotations
+
+import struct
+
+import can
+import pytest
 
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.devices import drive_group
@@ -65,4 +70,45 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     bench.ticks(30)
     assert not axes.homed and "not homed" in bench.enable_plane()
     assert axes.take_home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""
+
+
+def test_a_jump_costs_the_home_position(bench):
+    """clear_fault alone does not lead back to operation; home at the reference mark does."""
+    bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
+    assert bench.enable_plane() == ""
+    bench.rig.inject("shoulder", "garbage", 0.0, 0.0, bench.now_ns)
+    bench.ticks(20)
+    bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
+    bench.ticks(200)
+    assert not bench.plane.homed
+    assert bench._asking(bench.plane.clear_fault) == ""
+    assert "not homed" in bench.plane.enable(lambda seconds: None)
+    bench.ticks(2000)
+    assert bench.plane.take_home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""
+    bench.ticks(600)
+    assert max(map(abs, bench.plane.written)) > 0.1
+
+
+HOME_OFFSET = 0x607C
+"""Object by which a drive shifts the zero of its position (CiA 402)."""
+
+
+@pytest.mark.parametrize("node_id", [3, 4])
+def test_after_a_foreign_sdo_client_the_plane_must_be_homed_again(bench, node_id):
+    """Shifted counts are no jump: the drive was silent while it was configured anew."""
+    assert bench.plane.homed
+    data = struct.pack("<BHBi", 0x23, HOME_OFFSET, 0, 1000)
+    with can.Bus(interface="virtual", channel=bench.ports["planar"].bus.channel_id) as intruder:
+        request = can.Message(arbitration_id=0x600 + node_id, data=data, is_extended_id=False)
+        intruder.send(request)
+        bench.ticks(5)
+        drives = bench.plane.permit.drives
+        assert any("another SDO client" in drive.fault for drive in drives)
+        assert bench._asking(bench.plane.clear_fault) == ""
+    assert not bench.plane.homed
+    assert "not homed" in bench.enable_plane()
+    bench.ticks(50)
+    assert bench.plane.take_home(bench.now_ns) == ""
     assert bench.enable_plane() == ""

@@ -65,7 +65,7 @@ def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
     bench.ticks(12)
     assert bench.controller.reason == "" and not bench.controller.home_in_doubt
     assert bench.enable() == ""
-    bench.seconds(1.0)
+    bench.seconds(0.2)
     assert bench.torque_passes and bench.rows[-1].force != 0.0
 
 

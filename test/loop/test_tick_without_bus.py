@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tick of a drive on a bus that fails: gate and writes get their turn all the same."""
+"""A tick on a bus that fails, or without answers: each part gets its turn all the same."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from screw_module_ros.devices.errors import BusError
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.ticker import Tick
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.permit import CLOSED, PermitSettings
+from screw_module_ros.trials.one_thread import PERIOD_NS
 
 MS = 1_000_000
 
@@ -104,3 +106,40 @@ def test_nor_does_one_in_the_plane(bench):
     assert max(map(abs, last[:2])) > 0.1
     assert last[-2:] == [0.0, 0.0]
     assert bench.plane.permit.phase == CLOSED
+
+
+def test_the_force_sensor_is_read_while_the_encoder_is_silent(bench):
+    before = bench.force_sensor.counters["received"]
+    bench.rig.inject("encoder", "mute", 0.0, 0.0, bench.now_ns)
+    bench.ticks(50)
+    assert bench.encoder.counters["missing_in_a_row"] >= 45
+    assert bench.force_sensor.counters["received"] - before >= 48
+
+
+def test_two_silent_sensors_hold_no_tick_up(bench):
+    for device in ("encoder", "force_sensor"):
+        bench.rig.inject(device, "mute", 0.0, 0.0, bench.now_ns)
+    before = bench.now_ns
+    bench.ticks(50)
+    assert bench.now_ns - before == 50 * PERIOD_NS
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
+    """A lost answer costs two more ticks, in which a late one would show (`devices/polled.py`)."""
+    enabled.rig.inject("encoder", "drop", 1.0, lost * PERIOD_NS * 1e-9, enabled.now_ns)
+    reasons = {row.reason for row in enabled.ticks(50)} - {""}
+    assert reasons == ({"no fresh command"} if lost == 3 else set())
+    assert enabled.torque_passes == (lost < 3)
+    assert enabled.encoder.counters["missing"] == lost + 2
+
+
+def test_an_encoder_alone_waits_for_no_commands():
+    """Its process has no drive: commands are another one's."""
+    asked: list[int] = []
+    encoder = SimpleNamespace(
+        begin=lambda tick: None, answer=lambda until_ns: None, end=lambda: None
+    )
+    loop = VerticalLoop(ManualClock(5_000_000), 1_000_000, Wires(take_command=asked.append))
+    loop.step(Parts(encoder=encoder))
+    assert asked == []

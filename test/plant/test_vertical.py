@@ -282,13 +282,3 @@ def test_side_force_raises_friction(vertical, still):
     expected = f.load_gain * vertical.module.grip_height * 30.0
     expected /= 1.0 - f.load_gain * vertical.module.handle_offset  # the stage pushes harder too
     assert gained == pytest.approx(expected, rel=0.01)
-
-
-def test_plain_and_compiled_agree(vertical, still):
-    u = still._replace(fixture=HUMAN_ARM, hand=0.25, powered=True)
-    plain = quick = resting_state(vertical.module, 0.2, 1.0)
-    for i in range(1500):
-        now = u._replace(current=3.0 * math.sin(i / 50.0))
-        plain, quick = vertical_step(vertical, plain, now), quick_step(vertical, quick, now)
-    for name, one, other in zip(plain._fields, plain, quick, strict=True):
-        assert one == pytest.approx(other, rel=1e-6, abs=1e-9), name

@@ -76,6 +76,10 @@ class VerticalLaw(RuleBasedStateMachine):
         settings = self.settings
         assert all_finite(output) and all_finite(self.state)
         assert -settings.command_down <= output.force <= settings.command_up
+        assert abs(output.friction) <= settings.friction_limit
+        assert abs(output.feedback) <= settings.feedback_limit
+        assert abs(output.carried) <= settings.force_up + settings.force_down
+        assert settings.travel_low <= output.desired_position <= settings.travel_high
         believable = all_finite(inp[1:4]) and dt > 0.0
         if not (inp.active and believable):
             assert output.force == 0.0
@@ -126,6 +130,8 @@ class PlanarLaw(RuleBasedStateMachine):
         largest = (settings.shoulder_torque, settings.elbow_torque)
         assert all(abs(t) <= limit for t, limit in zip(torques, largest, strict=True))
         assert math.hypot(output.force_x, output.force_y) <= settings.force_limit + ROUNDING
+        assert abs(output.desired_x) <= settings.half_width
+        assert abs(output.desired_y) <= settings.half_depth
         believable = all_finite(inp[:4]) and dt > 0.0
         if not (inp.active and believable):
             assert torques == (0.0, 0.0)

@@ -227,12 +227,6 @@ def test_the_list_says_what_there_is(make_bench):
     assert rig.faults()["encoder freeze"] == "the position stops changing"
 
 
-def test_the_list_of_one_bus_has_its_devices_alone(make_bench):
-    text = make_bench("planar").rig.describe("planar")
-    assert text.startswith("each of shoulder, elbow\n")
-    assert "encoder" not in text.splitlines()[0]
-
-
 def test_every_fault_of_every_device_can_be_injected_and_cleared(make_bench):
     bench = make_bench("encoder", "drive", "force_sensor", "planar")
     for entry in bench.rig.faults():
@@ -253,24 +247,3 @@ def test_sizes_and_texts_of_all_faults_are_the_kept_ones(kept):
         name: {fault: f"{each.line()}; {each.size}" for fault, each in table.items()}
         for name, table in tables.items()
     })  # fmt: skip
-
-
-def test_every_fault_of_the_list_is_a_word_of_its_own(make_bench):
-    """A name as long as its column ran into its description."""
-    rig = make_bench("encoder", "drive", "force_sensor").rig
-    lines = rig.describe().splitlines()
-    listed = {line.split()[0] for line in lines if line.startswith("  ")}
-    assert {key.split()[1] for key in rig.faults()} == listed
-
-
-def test_a_fault_changes_an_attribute_that_its_device_has_and_gives_it_back(make_bench):
-    bench = make_bench("encoder", "drive", "force_sensor")
-    for device in bench.rig.devices.values():
-        kinds = {name: fault for name, fault in device.FAULTS.items() if fault.attribute}
-        for name, fault in kinds.items():
-            healthy = getattr(type(device), fault.attribute)
-            device.inject(name, 0.0, 0.0, bench.now_ns)
-            assert fault.attribute in vars(device), name
-            device.inject("clear", 0.0, 0.0, bench.now_ns)
-            assert getattr(device, fault.attribute) == healthy, name
-            assert fault.attribute not in vars(device), name

@@ -45,7 +45,7 @@ frames = st.one_of(
 )
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.lists(st.tuples(frames, st.integers(0, 30)), max_size=60))
 def test_any_traffic_is_survived(make_fake_world, traffic):
     world, channel = make_fake_world(), f"fuzz/{next(_channels)}"

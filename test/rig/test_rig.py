@@ -256,13 +256,6 @@ def test_a_bus_that_refuses_frames_is_counted(make_bench):
     assert bench.rig.counters.lost == 0  # only a simulated bus counts them
 
 
-@pytest.mark.parametrize(("number", "shown"), [(-1, None), (0, 0), (7, 7)])
-def test_an_interface_without_a_descriptor_says_minus_one(make_bench, monkeypatch, number, shown):
-    port = make_bench("encoder").rig.devices["encoder"].link.port
-    monkeypatch.setattr(port.bus, "fileno", lambda: number)
-    assert port.fileno() == shown
-
-
 def test_a_frame_that_cannot_be_read_is_counted(make_bench, monkeypatch):
     bench = make_bench("encoder")
     bus = bench.rig.devices["encoder"].link.port.bus

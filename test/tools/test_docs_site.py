@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference of the site has everything that the code has; each page is in its menu."""
+"""Docs and lint: the reference has what the code has; a room that grows heavier is named."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import yaml
 
 import docs_site
+import ratchet
 from screw_module_ros.graph import TOPICS
 from screw_module_ros.programs import PROGRAMS
 from screw_module_ros.settings import Setting
@@ -35,11 +37,6 @@ def test_a_parameter_has_its_default_unit_range_and_time_of_change():
         ["`law.mode`", "1", "", "0, 1", "unconfigured", "law"],
         ["`law.stiffness`", "100.0", "N/m", "0 to 5000", "any time", "spring"],
     ]
-
-
-def test_a_parameter_that_is_declared_twice_or_left_out_is_there_once_or_not():
-    twice = [(Law, "", {"without": ("mode",)}), (Law, "", {"without": ("mode",)})]
-    assert [row[0] for row in _rows(docs_site.parameters_of(twice))] == ["`stiffness`"]
 
 
 def test_every_topic_and_measure_has_a_row():
@@ -91,3 +88,20 @@ def test_every_page_is_in_the_menu():
     pages = {f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")}
     pages |= {f"reference/{name}.md" for name in docs_site.REFERENCE}
     assert pages <= named
+
+
+def test_statements_count_and_docstrings_do_not(tmp_path):
+    (tmp_path / "loop").mkdir()
+    (tmp_path / "loop" / "one.py").write_text(
+        '"""Text."""\n\n\ndef f():\n    """Text."""\n    a = 1; b = 2\n    return a + b\n'
+    )
+    (tmp_path / "top.py").write_text("import math\n# a comment\n")
+    assert ratchet.weights(tmp_path) == {"loop": 4, ".": 1}
+
+
+def test_a_heavier_room_and_a_new_one_are_named():
+    limits = ratchet.allowed("# rooms\nloop 10\n. 3\n")
+    assert ratchet.too_heavy(Counter({"loop": 10, ".": 2}), limits) == []
+    found = ratchet.too_heavy(Counter({"loop": 11, "annex": 1}), limits)
+    assert [sentence.split()[0] for sentence in found] == ["annex", "loop"]
+    assert "loop weighs 11 statements, 10 are allowed" in found[1]

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
+"""What a machine that is not ours needs: a clear sentence, or a repair."""
+
 from __future__ import annotations
 
+import os
 import platform
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import prerequisites
+import ros_wheels
+import shebangs
 
 
 @pytest.fixture
@@ -80,3 +87,116 @@ def test_a_sourced_ros_takes_only_ascii(prefix: Path) -> None:
     prerequisites.check_path(Path("/a b"), ros=prefix)
     with pytest.raises(prerequisites.Missing, match=r"\\xfc"):
         prerequisites.check_path(Path("/ü"), ros=prefix)
+
+
+EXPORTED = (
+    'INTERFACE_INCLUDE_DIRECTORIES "${_IMPORT_PREFIX}/include/std_msgs;'
+    "/opt/python/cp312-cp312/include/python3.12;"
+    '/opt/python/cp312-cp312/lib/python3.12/site-packages/numpy/_core/include"'
+)
+
+
+def test_the_builders_folders_become_the_local_ones() -> None:
+    text = ros_wheels.with_local_paths(EXPORTED, r"/usr/include/python3.12", r"/venv/\1/numpy")
+    assert text == (
+        'INTERFACE_INCLUDE_DIRECTORIES "${_IMPORT_PREFIX}/include/std_msgs;'
+        r'/usr/include/python3.12;/venv/\1/numpy"'
+    )
+    assert ros_wheels.with_local_paths(text, "/c", "/d") == text, "a second time"
+
+
+def test_the_list_of_interface_files_is_read_as_utf_8() -> None:
+    read = 'file(STRINGS "${idl_output}" idl_tuples)'
+    mended = ros_wheels.with_local_paths(read, "/a", "/b")
+    assert mended == 'file(STRINGS "${idl_output}" idl_tuples ENCODING UTF-8)'
+    assert ros_wheels.with_local_paths(mended, "/a", "/b") == mended
+
+
+def test_a_file_shared_with_the_installers_cache_is_not_written_to(tmp_path: Path) -> None:
+    folder = tmp_path / "venv/share/std_msgs/cmake"
+    folder.mkdir(parents=True)
+    cached = tmp_path / "cached.cmake"
+    cached.write_text(EXPORTED)
+    (folder / "export.cmake").hardlink_to(cached)
+    assert ros_wheels.rewrite_cmake_files(tmp_path / "venv") == 1
+    assert cached.read_text() == EXPORTED
+    assert "/opt/python" not in (folder / "export.cmake").read_text()
+
+
+CODE = "import sys\nprint(sys.executable, sys.argv[1:])\n"
+
+
+@pytest.fixture(params=["a b", "x ü", "n" * 140])
+def odd_python(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """Return a Python whose path is no fit first line."""
+    folder = tmp_path / request.param
+    folder.mkdir()
+    (folder / "python").symlink_to(sys.executable)
+    return folder / "python"
+
+
+@pytest.mark.parametrize("first", ["#!{}", '#!"{}"', '#!"{}" -x'])
+def test_an_executable_starts_in_any_folder(odd_python: Path, first: str) -> None:
+    node = odd_python.parent / "node"
+    node.write_text(f"{first.format(odd_python)}\n{CODE}")
+    node.chmod(0o755)
+    assert shebangs.repair(odd_python.parent, odd_python) == 1
+    run = subprocess.run([node, "a b", "*"], capture_output=True, text=True, check=True)
+    assert run.stdout == f"{odd_python} ['a b', '*']\n"
+
+
+LIBRARIES, PREFIXES, WHEELS_DONE = (
+    "LD_LIBRARY_PATH",
+    "AMENT_PREFIX_PATH",
+    "_ROS_WHEELS_BOOTSTRAP_COMPLETE",
+)
+# Creating a publisher loads the middleware's support of the message, a library found by name.
+PUBLISHER = """
+import rclpy
+from screw_module_msgs.msg import SimTruth
+rclpy.init()
+node = rclpy.create_node("probe")
+node.create_publisher(SimTruth, "truth", 1)
+print(node.get_name())
+node.destroy_node()
+rclpy.shutdown()
+"""
+with_wheels = pytest.mark.skipif(
+    not Path(sys.prefix, "share/rclpy").is_dir(), reason="a sourced ROS is in use"
+)
+
+
+def python(*arguments: str, **changes: str | None) -> str:
+    env = {**os.environ, **changes}
+    given = {name: value for name, value in env.items() if value is not None}
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, env=given, capture_output=True, text=True, check=True).stdout
+
+
+@with_wheels
+@pytest.mark.parametrize("done", [None, "1"])
+def test_ros_and_messages_are_found_whatever_was_inherited(done: str | None) -> None:
+    left = {"LD_LIBRARY_PATH": None, "AMENT_PREFIX_PATH": None, WHEELS_DONE: done}
+    assert python("-c", PUBLISHER, **left) == "probe\n"
+
+
+@with_wheels
+def test_what_was_set_is_kept_behind() -> None:
+    code = f"import os; print(os.environ['{LIBRARIES}'], os.environ['{PREFIXES}'], sep='|')"
+    printed = python("-c", code, LD_LIBRARY_PATH="/mine", AMENT_PREFIX_PATH="/theirs")
+    libraries, prefixes = printed.rstrip().split("|")
+    assert libraries.split(":")[-1] == "/mine"
+    assert f"{sys.prefix}/lib" in libraries.split(":")
+    assert prefixes.split(":")[-2:] == [sys.prefix, "/theirs"]
+
+
+def test_arguments_and_input_survive_the_restart() -> None:
+    code = "import sys; print(sys.argv[1:], sys.flags.optimize, sys.executable)"
+    printed = python("-O", "-c", code, "a b", "*", LD_LIBRARY_PATH=None)
+    assert printed == f"['a b', '*'] 1 {sys.executable}\n"
+
+
+def test_colcons_setup_scripts_see_what_they_were_given(tmp_path: Path) -> None:
+    script = tmp_path / "_local_setup_util_sh.py"
+    script.write_text("import os; print(os.environ.get('AMENT_PREFIX_PATH'))")
+    assert python(str(script), AMENT_PREFIX_PATH=None, **{WHEELS_DONE: "1"}) == "None\n"
