@@ -485,6 +485,26 @@ def test_a_statusword_that_means_nothing_stops_the_drive(wire, enabled):
     assert "unknown" in enabled.fault
 
 
+def test_missing_and_unexpected_statuswords_are_counted(wire, drive, drive_end):
+    drive_end.answering = False
+    for _ in range(3):
+        tick(wire, drive)
+    assert drive.counters["missing"] == 2  # the third may still come
+    drive_end.report()
+    drive_end.report()
+    wire.port.pump()
+    assert drive.counters["unexpected"] == 1
+
+
+def test_jumps_between_states_are_counted(wire, drive, drive_end):
+    drive_end.state = "switch on disabled"
+    tick(wire, drive)
+    drive_end.command = lambda word: None
+    drive_end.state = "operation enabled"
+    tick(wire, drive)
+    assert drive.counters["illegal_transitions"] == 1
+
+
 def test_a_recovery_that_fails_enables_nothing(wire, drive, drive_end):
     """Recovering without a fault, and a wish to enable meanwhile: neither outlives the failure."""
     drive_end.state = "fault reaction active"

@@ -47,6 +47,18 @@ def test_a_value_below_or_above_what_the_eds_file_allows_is_refused(drive):
     assert [drive.write(1, "605D:00", value) for value in ("0100", "0400")] == ["ok", "ok"]
 
 
+def test_expedited_download_may_leave_its_size_open(encoder):
+    """CiA 301, 7.2.4.3.3: with s = 0 the master does not say how many of the bytes count."""
+    assert encoder.ask(0x602, "22 00 60 00 04 00 00 00") == [(0x582, "60 00 60 00 00 00 00 00")]
+    assert encoder.read(2, "6000:00") == "0400"
+    assert encoder.ask(0x602, "22 01 60 00 10 27 00 00") == [(0x582, "60 01 60 00 00 00 00 00")]
+    assert encoder.read(2, "6001:00") == "10270000"
+    assert encoder.ask(0x602, "22 29 10 01 01 00 00 00") == [(0x582, "60 29 10 01 00 00 00 00")]
+    assert encoder.read(2, "1029:01") == "01"
+    assert encoder.ask(0x602, "22 34 12 00 00 00 00 00") == [(0x582, "80 34 12 00 00 00 02 06")]
+    assert encoder.ask(0x602, "22 08 10 00 00 00 00 00")[0][1].startswith("80 08 10 00")
+
+
 def test_a_broken_sdo_request_is_survived(encoder):
     node = encoder.rig.devices["encoder"].node
     assert encoder.ask(0x602, "40 00 10") == []
@@ -108,6 +120,26 @@ def test_lost_heartbeat_of_the_master_is_noticed_once_and_forgiven(encoder):
     assert encoder.ask(0x770, "05") == [(0x082, "00 00 00 00 00 00 00 00")]
 
 
+def test_error_behaviour_1_stays_operational_after_a_lost_heartbeat(encoder):
+    encoder.silence(2)
+    encoder.write(2, "1029:01", "01")
+    encoder.write(2, "1016:01", "0A007000")
+    encoder.start(2)
+    encoder.ask(0x770, "05")
+    encoder.run(20)
+    assert encoder.rig.devices["encoder"].state == 0x05
+
+
+def test_one_node_cannot_be_watched_twice(encoder):
+    assert encoder.write(2, "1016:01", "64007000") == "ok"
+    assert encoder.write(2, "1016:02", "C8007000") == "06040043"
+    assert encoder.write(2, "1016:02", "C8007100") == "ok"
+    assert encoder.write(2, "1016:01", "0A008000") == "ok"  # 128 is no node
+    encoder.silence(2)
+    encoder.start(2)
+    assert encoder.ask(0x780, "05") + encoder.run(30) == []
+
+
 def test_reset_forgets_the_configuration_and_boots(encoder):
     encoder.map_pdo(2, 0, ["20000460"], "01", "82010000")
     encoder.write(2, "6001:00", "10270000")
@@ -118,6 +150,15 @@ def test_reset_forgets_the_configuration_and_boots(encoder):
     assert encoder.run(20) == [(0x702, "00")]
     assert encoder.read(2, "1800:02") == "fe"
     assert encoder.read(2, "6001:00") == "204e0000"
+
+
+def test_reset_communication_keeps_the_application_objects(encoder):
+    encoder.write(2, "6001:00", "10270000")
+    encoder.write(2, "1017:00", "E803")
+    encoder.ask(0x000, "82 02")
+    encoder.run(30)
+    assert encoder.read(2, "6001:00") == "10270000"
+    assert encoder.read(2, "1017:00") == "0000"
 
 
 def test_sync_with_data_is_reported_and_not_answered(encoder):
@@ -134,3 +175,9 @@ def test_frames_of_other_kinds_are_ignored(encoder):
         encoder.bus.send(frame)
     assert encoder.run(0) == []
     assert encoder.rig.counters.ignored == 2
+
+
+def test_emcy_can_be_switched_off(drive):
+    drive.write(1, "1014:00", "81000080")
+    drive.rig.inject("drive", "over_temperature", 0, 0, drive.now_ns)
+    assert [can_id for can_id, _ in drive.run(1)] == []

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from screw_module_ros.rig import cia402
 from screw_module_ros.rig.cia402 import (
     ENABLED,
     FAULT,
@@ -169,3 +170,10 @@ def test_enabled_is_only_entered_by_an_enable_command(sequence, options):
         if before == FAULT and machine.state != FAULT:
             assert machine.state == SWITCH_ON_DISABLED
         assert not (machine.driving and machine.braking)
+
+
+def test_statuswords_of_the_table():
+    masks = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)
+    values = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
+    for bits, mask, value in zip(cia402.STATUS_BITS, masks, values, strict=True):
+        assert bits & mask == value

@@ -79,6 +79,19 @@ def test_recovery_from_a_lost_heartbeat(torque_drive):
     assert beat(drive, 300, "0F 00 64 00") == []
 
 
+def test_error_history_has_the_newest_first(torque_drive):
+    drive = torque_drive
+    drive.enable()
+    drive.ask(0x770, "05")
+    drive.run(150)
+    assert drive.read(1, "1003:00") == "02"
+    assert drive.read(1, "1003:01") == "30810000"
+    assert drive.read(1, "1003:02") == "50820000"
+    assert drive.read(1, "603F:00") == "5082"
+    assert drive.write(1, "1003:00", "00") == "ok"
+    assert drive.read(1, "1003:00") == "00"
+
+
 @pytest.mark.parametrize(
     ("option", "state", "error"),
     [

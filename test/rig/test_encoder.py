@@ -59,6 +59,15 @@ def test_direction_bit_reverses(streaming):
     assert streaming.read(2, "6500:00") == "0000"
 
 
+def test_preset_sets_the_position_and_its_offset(streaming):
+    streaming.world.encoder_count = 1500
+    assert streaming.write(2, "6003:00", "E8030000") == "ok"  # 1000
+    assert position(streaming) == 1000
+    streaming.world.encoder_count = 1501
+    assert position(streaming) == 1001
+    assert streaming.write(2, "6003:00", "FFFFFFFF") == "06090032"
+
+
 def test_the_offset_of_a_linear_encoder_has_a_sign(make_bench):
     encoder = make_bench("encoder", settings=RigSettings(encoder_profile="baumer_linear"))
     encoder.world.encoder_count = 20_000  # one turn of the screw: 19 050 um

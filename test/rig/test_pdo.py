@@ -63,6 +63,18 @@ def test_a_read_only_object_cannot_be_received(drive):
     assert drive.read(1, "6041:00") == "3102"  # ready to switch on: the rest counts
 
 
+@pytest.mark.parametrize("cob_id", ["00000000", "01060000", "01070000", "81010020"])
+def test_restricted_and_extended_ids_are_refused(encoder, cob_id):
+    encoder.silence(2)
+    assert encoder.write(2, "1800:01", cob_id) == "06090030"
+
+
+def test_reserved_transmission_types_are_refused(encoder):
+    assert encoder.write(2, "1800:02", "F1") == "06090030"
+    assert encoder.write(2, "1800:02", "FD") == "06090030"
+    assert encoder.write(2, "1800:02", "F0") == "ok"
+
+
 def test_type_n_answers_every_nth_sync(encoder):
     encoder.silence(2)
     encoder.map_pdo(2, 0, ["20000460"], "03", "82010000")
@@ -71,12 +83,32 @@ def test_type_n_answers_every_nth_sync(encoder):
     assert answers == [0, 0, 1, 0, 0, 1, 0]
 
 
+def test_type_0_answers_sync_only_after_a_change(encoder):
+    encoder.silence(2)
+    encoder.map_pdo(2, 0, ["20000460"], "00", "82010000")
+    encoder.start(2)
+    answers = []
+    for count in (5, 5, 6, 6):
+        encoder.world.encoder_count = count
+        answers.append(len(encoder.ask(0x080)))
+    assert answers == [1, 0, 1, 0]
+
+
 def test_a_wrong_mapping_is_sent_as_it_was_asked_for(encoder):
     encoder.silence(2)
     encoder.world.encoder_count = 0x123456
     encoder.map_pdo(2, 0, ["10000365", "20000460"], "01", "85020000")
     encoder.start(2)
     assert encoder.ask(0x080) == [(0x285, "00 00 56 34 12 00")]
+
+
+def test_an_object_that_only_a_master_changes_is_sent_as_it_was_written(drive):
+    drive.silence(1)
+    drive.map_pdo(1, 0, ["10007260", "20008760"], "01", "81010000")
+    drive.write(1, "6072:00", "E803")
+    drive.write(1, "6087:00", "78563412")
+    drive.start(1)
+    assert drive.ask(0x080) == [(0x181, "E8 03 78 56 34 12")]
 
 
 def test_both_default_pdos_talk_until_they_are_switched_off(encoder):
