@@ -18,6 +18,7 @@ from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.devices.cia402 import State
 from screw_module_ros.devices.drive import Drive
+from screw_module_ros.devices.drive_logic import ExcessTorque
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import BusError, NotNow
 
@@ -484,6 +485,26 @@ def test_a_statusword_that_means_nothing_stops_the_drive(wire, enabled):
     assert "unknown" in enabled.fault
 
 
+def test_missing_and_unexpected_statuswords_are_counted(wire, drive, drive_end):
+    drive_end.answering = False
+    for _ in range(3):
+        tick(wire, drive)
+    assert drive.counters["missing"] == 2  # the third may still come
+    drive_end.report()
+    drive_end.report()
+    wire.port.pump()
+    assert drive.counters["unexpected"] == 1
+
+
+def test_jumps_between_states_are_counted(wire, drive, drive_end):
+    drive_end.state = "switch on disabled"
+    tick(wire, drive)
+    drive_end.command = lambda word: None
+    drive_end.state = "operation enabled"
+    tick(wire, drive)
+    assert drive.counters["illegal_transitions"] == 1
+
+
 def test_a_recovery_that_fails_enables_nothing(wire, drive, drive_end):
     """Recovering without a fault, and a wish to enable meanwhile: neither outlives the failure."""
     drive_end.state = "fault reaction active"
@@ -622,3 +643,70 @@ def test_a_drive_that_was_silent_may_have_restarted_and_is_configured_anew(
     for _ in range(5):
         tick(wire, drive)
     assert drive.fault == ""
+
+
+MS = 1_000_000
+LARGEST, LASTING = 0.1, 0.02
+
+
+def noticed(asked, given, ticks=1000, period=MS):
+    check = ExcessTorque(LARGEST, LASTING, period)
+    return next((k for k in range(ticks) if check.check(asked, given, k * period)), None)
+
+
+TOO_MUCH = [(0.0, 0.2), (0.05, 0.21), (0.05, -0.18), (-0.3, 0.1)]
+
+
+@pytest.mark.parametrize(("asked", "given"), TOO_MUCH)
+def test_too_much_or_the_wrong_way(asked, given):
+    """It is a fault after 20 ms, or three periods where these are longer."""
+    assert noticed(asked, given) == 20
+    assert noticed(asked, given, period=20 * MS) == 3
+
+
+@pytest.mark.parametrize(
+    ("asked", "given", "ticks"), [(0.0, 0.06, 40), (0.05, 0.09, 80), (0.0, -0.03, 160)]
+)
+def test_less_excess_takes_longer_but_does_not_last(asked, given, ticks):
+    assert noticed(asked, given) == pytest.approx(ticks, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("asked", "given"), [(0.3, 0.0), (0.05, 0.069), (0.0, 0.019), (-0.3, -0.1), (0.05, -0.019)]
+)
+def test_a_weak_or_inaccurate_drive_is_no_danger(asked, given):
+    """Less than asked for, or a little more, stops nothing."""
+    assert noticed(asked, given, ticks=20_000) is None
+
+
+def test_excess_that_comes_and_goes_does_not_last_either():
+    """Every other tick, and 10 ms of each 30."""
+    for on, of in ((1, 2), (10, 30)):
+        check = ExcessTorque(LARGEST, LASTING, MS)
+        found = [k for k in range(1000) if check.check(0.0, 0.3 * (k % of < on), k * MS)]
+        assert found and found[0] < 120
+
+
+def test_a_step_that_the_drive_follows_late():
+    """Some ticks with the old torque now and then are no fault, and do not add up."""
+    check = ExcessTorque(LARGEST, LASTING, MS)
+    for k in range(0, 10_000, 100):
+        assert not any(check.check(0.0, 0.3, (k + i) * MS) for i in range(15))
+        assert not any(check.check(0.0, 0.0, (k + i) * MS) for i in range(15, 100))
+
+
+def test_what_was_asked_a_moment_ago_may_still_be_given():
+    """A drive that is 3 ms late with a fast sine gives no excess."""
+
+    check = ExcessTorque(LARGEST, LASTING, MS)
+    asked = [0.3 * math.sin(0.5 * k) for k in range(3000)]
+    for k in range(3, 3000):
+        assert not check.check(asked[k], asked[k - 3], k * MS)
+
+
+def test_a_restart_forgets():
+    check = ExcessTorque(LARGEST, LASTING, MS)
+    for k in range(1000):
+        if k % 19 == 0:
+            check.restart()
+        assert not check.check(0.0, 0.3, k * MS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 from running_drivers import tick_both, two_drives
-from scripted import unsigned
+from scripted import Wire, unsigned
 
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
@@ -411,3 +411,12 @@ def test_two_drives_share_a_heartbeat_and_leave_together(wire):
     assert len(wire.sent(0x771)) < 8
     assert drive_group.leave(drives, wire.port) == ""
     assert [end.objects[0x1016, 1] for end in ends] == [bytes(4)] * 2
+
+
+def test_exit_of_what_never_ran_does_nothing():
+    wire = Wire("never ran")
+    try:
+        assert drive_group.leave([Drive(wire.port, SETTINGS)], wire.port) == ""
+        assert wire.frames == []
+    finally:
+        wire.close()

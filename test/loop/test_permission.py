@@ -28,19 +28,6 @@ def refusal(permit: Permit, now_ns: int) -> str:
     return said
 
 
-def permitted(permit: Permit, now_ns: int) -> bool:
-    return refusal(permit, now_ns) == ""
-
-
-def test_a_second_sender_cannot_talk_over_a_refusal():
-    """One that permits in between gets nothing while refusals keep coming."""
-    permit = made()
-    for k in range(1000):
-        permit.supervise(k % 20 != 0, "emergency stop", k * MS)
-        assert not permitted(permit, k * MS)
-    assert refusal(permit, 999 * MS) == "not permitted: emergency stop"
-
-
 def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
     """A loop at half its rate may see odd ticks alone, a multiple of four never."""
     looked = []

@@ -55,15 +55,6 @@ def test_encoder_follows_the_nut_by_single_counts(settings):
     assert seen == {0, 1}
 
 
-def test_time_left_over_is_carried(settings):
-    world = World(settings)
-    for _ in range(100):
-        world.advance(16.7e-6)
-    assert world.simulated_time == pytest.approx(1.65e-3)
-    world.advance(0.0)
-    assert world.simulated_time == pytest.approx(1.65e-3)
-
-
 def test_chunks_of_time_do_not_matter(settings):
     def after(chunk, count):
         world = World(settings, seed=4)

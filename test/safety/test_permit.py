@@ -91,12 +91,6 @@ def opened():
     return gate
 
 
-def test_closed_stays_closed_however_well_everything_is():
-    gate = Gate()
-    assert [gate.step() for _ in range(100)] == [0.0] * 100
-    assert (gate.permit.phase, gate.permit.reason) == (CLOSED, "not enabled")
-
-
 def test_opens_once_every_drive_is_there_and_ramps_in():
     gate = Gate(drives=2)
     gate.drives[1].on = False
