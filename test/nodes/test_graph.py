@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole graph against the rig, as separate processes and with `module` in place of four.
 
-Topics, services, enabling, stopping: nobody outside may see a difference between the two.
+Topics, services, enabling, stopping: nobody outside may see a difference between the two. What only
+one of them has stands at the end. How the drive stops without its process: rows `module-*` in
+test/faults.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
+import random
 import subprocess
 import threading
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from policy_profiles import CLOCK, NODES, all_seen, policy
 from rclpy.qos import ReliabilityPolicy
 from screw_module_msgs.msg import (
     AmplifierState,
+    EncoderSample,
     ForceCommand,
     ImpedanceState,
     PlanarState,
@@ -23,6 +30,7 @@ from screw_module_msgs.msg import (
 )
 from std_srvs.srv import SetBool
 
+import harass
 from screw_module_ros.graph import (
     BESIDE,
     ENCODER_DECIMATED,
@@ -40,6 +48,9 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 HOME = 0.25
+HARASSED_S = 2.0
+SEPARATE = pytest.mark.parametrize("run", [False], ids=["separate"], indirect=True)
+COMPOSED = pytest.mark.parametrize("run", [True], ids=["composed"], indirect=True)
 
 # Topic -> type, publisher, reliability, written out again.
 TOPICS = {
@@ -88,7 +99,7 @@ SERVICES = {
 
 @pytest.fixture(scope="module", params=[False, True], ids=["separate", "composed"])
 def run(request, tmp_path_factory):
-    """Return the running graph; it must end in order."""
+    """Return the running graph; it must end in order, also while both torques are on."""
     folder = tmp_path_factory.mktemp("bags")
     extra = ["-p", f"session_recorder:folder:={folder}"]
     with GraphRun(extra=extra, composed=request.param) as graph:
@@ -106,6 +117,10 @@ def robot(run):
         operator.clear_faults()
         operator.home()
         yield operator
+        operator.clear_faults()
+        operator.permit()
+        operator.enable()
+        operator.enable_plane()
 
 
 @pytest.fixture
@@ -199,6 +214,7 @@ def test_enable_move_and_disable(ready):
         20.0,
         "the handle did not rise",
     )
+    assert ready.newest(AmplifierState).lost == 0
     ready.enable(False)
     assert ready.newest(AmplifierState).commanded_torque == 0.0
 
@@ -284,7 +300,7 @@ def profiles_seen(robot, found) -> dict:
     return seen
 
 
-@pytest.mark.parametrize("run", [False], ids=["separate"], indirect=True)
+@SEPARATE
 def test_the_policy_is_the_running_graph(robot):
     """What each node publishes, hears, offers and runs, name by name.
 
@@ -320,3 +336,92 @@ def test_a_second_copy_is_refused(run):
     )
     assert done.returncode == 2
     assert "already runs in ROS domain" in done.stderr
+
+
+@SEPARATE
+def test_every_tick_is_answered_beside_busy_loops_and_stopped_processes(ready):
+    """Two busy loops beside the graph, and processes stopped at random: slower, never wrong."""
+    ready.set_mode(ForceCommand.FORCE_FEEDBACK)
+    ready.enable()
+    ready.enable_plane()
+    before, lost = ready.newest(AmplifierState), ready.newest(PlanarState).lost
+    with harass.harassing(os.getpid(), 2, 0.25, random.Random(1)) as stops:
+        ready.pause(HARASSED_S)
+        after = ready.newest(AmplifierState)
+        assert stops, "nobody was stopped"
+    ready.check_enabled()
+    assert after.commands - before.commands == pytest.approx(1000 * HARASSED_S, abs=20)
+    assert (after.late, after.lost) == (before.late, before.lost)
+    assert ready.newest(PlanarState).lost == lost
+
+
+@COMPOSED
+def test_a_rate_of_its_own_is_refused(robot):
+    """One loop drives the parts: a rate cannot be changed for one of them."""
+    with pytest.raises(RobotError, match="common to the nodes"):
+        robot.set_parameter("encoder", "rate", 100.0)
+
+
+@COMPOSED
+def test_somebody_else_may_command_while_the_controller_is_off(ready):
+    """As `characterize` does: without a controller here the amplifier listens to the topic."""
+    samples: list[EncoderSample] = []
+    ready.node.create_subscription(EncoderSample, "screw/encoder", samples.append, topics.SAMPLE)
+    change(ready, Transition.TRANSITION_DEACTIVATE)
+    change(ready, Transition.TRANSITION_CLEANUP)
+    publisher = ready.node.create_publisher(ForceCommand, "screw/force_command", topics.COMMAND)
+    try:
+        ready.wait_until(lambda: hears(ready, "amplifier"), 10.0, "the amplifier does not hear it")
+        before = ready.newest(AmplifierState).commands
+
+        def heard() -> bool:
+            sample = samples[-1]
+            publisher.publish(
+                ForceCommand(
+                    sequence=sample.sequence, monotonic_ns=sample.monotonic_ns, force=12.5
+                )
+            )
+            state = ready.newest(AmplifierState)
+            return state.commands >= before + 20 and state.commanded_force == 12.5
+
+        ready.wait_until(heard, 20.0, "the amplifier does not act upon the topic")
+    finally:
+        ready.node.destroy_publisher(publisher)
+        change(ready, Transition.TRANSITION_CONFIGURE)
+        change(ready, Transition.TRANSITION_ACTIVATE)
+    wait_until_heard_again(ready)
+    ready.clear_faults()
+    ready.permit()
+    ready.enable()
+
+
+def hears(robot: Robot, name: str) -> bool:
+    """Return whether a node subscribes to the commands."""
+    found = robot.node.get_subscriptions_info_by_topic("/screw/force_command")
+    return name in {subscriber.node_name for subscriber in found}
+
+
+def wait_until_heard_again(robot: Robot) -> None:
+    """Wait for a state of the controller, and then for a permission given after it."""
+    newest = {ImpedanceState: 0, SafetyState: 0}
+
+    def newer(kind: type, than: int) -> bool:
+        state = robot.state(kind)
+        if state is not None:
+            newest[kind] = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
+        return newest[kind] > than
+
+    begun = robot.clock.stamp_ns()
+    robot.wait_until(lambda: newer(ImpedanceState, begun), 10.0, "the controller is silent")
+    heard = newest[ImpedanceState] + 100_000_000
+    robot.wait_until(lambda: newer(SafetyState, heard), 10.0, "the supervisor is silent")
+
+
+def change(robot: Robot, transition: int) -> None:
+    """Take the controller one lifecycle step."""
+    request = ChangeState.Request(transition=Transition(id=transition))
+    robot.wait_until(
+        lambda: robot.call(ChangeState, "impedance_controller/change_state", request).success,
+        10.0,
+        "the controller stays as it is",
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 from datetime import datetime
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.nodes import session_recorder
 from screw_module_ros.nodes.session_recorder import SessionRecorder
+from screw_module_ros.recording.records import information
 
 _NOBODY = 65534  # id of a user without rights
 
@@ -31,10 +33,13 @@ class SameSecond:
 
 
 @pytest.fixture
-def recorder(tmp_path, monkeypatch):
-    """Return the recorder, active; its folder is `bags` below the test's."""
-    folder = f"folder:={tmp_path / 'bags'}"
-    monkeypatch.setattr("sys.argv", ["session_recorder", "--ros-args", "-p", folder])
+def recorder(tmp_path, monkeypatch, request):
+    """Return the recorder, active; its folder is `bags` below the test's.
+
+    The parameter of the fixture: further ROS arguments.
+    """
+    words = ["-p", f"folder:={tmp_path / 'bags'}", *getattr(request, "param", [])]
+    monkeypatch.setattr("sys.argv", ["session_recorder", "--ros-args", *words])
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = SessionRecorder()
     node.parameters.finish()
@@ -58,8 +63,12 @@ def called(node: SessionRecorder, service_name: str, kind: type, **fields: str) 
 
 
 def name(node: SessionRecorder, text: str) -> None:
-    (result,) = node.set_parameters([Parameter("name", value=text)])
-    assert result.successful
+    give(node, "name", text)
+
+
+def give(node: SessionRecorder, key: str, value: object) -> None:
+    (result,) = node.set_parameters([Parameter(key, value=value)])
+    assert result.successful, result.reason
 
 
 def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
@@ -144,6 +153,51 @@ def test_without_descriptors_the_answer_is_a_sentence(recorder, tmp_path):
     assert not any("Errno" in answer for answer in refused)
     name(recorder, "good")
     assert start(recorder) == str(tmp_path / "bags" / "good")
+
+
+@pytest.mark.parametrize("pattern", ["*", "/screw/*"])
+def test_a_pattern_names_no_topic(recorder, tmp_path, pattern):
+    """Nothing is left of a recording that could not start."""
+    name(recorder, "bag")
+    give(recorder, "topics", [pattern])
+    assert "topic name" in start(recorder)
+    assert not (tmp_path / "bags" / "bag").exists()
+
+
+@pytest.mark.parametrize(
+    "recorder", [["-p", "record_on_start:=true", "-p", "name:=bag"]], indirect=True, ids=["at once"]
+)
+@pytest.mark.parametrize(
+    ("obstacle", "sentence"), [("bag", "never overwritten"), ("file", "cannot make the bag")]
+)
+def test_what_hinders_the_recording_at_the_start_is_told(recorder, tmp_path, obstacle, sentence):
+    assert recorder.health().level == DiagnosticStatus.OK
+    recorder.trigger_deactivate()
+    assert (tmp_path / "bags" / "bag" / "metadata.yaml").is_file()
+    if obstacle == "file":
+        shutil.rmtree(tmp_path / "bags")
+        (tmp_path / "bags").write_text("")
+    recorder.trigger_activate()
+    health = recorder.health()
+    assert health.level == DiagnosticStatus.ERROR
+    assert sentence in health.message
+    assert sentence in start(recorder)
+    assert called(recorder, "stop", Trigger) == "not recording"
+
+
+def test_full_disk_is_told_and_the_recorder_lives_on(recorder, wait_until):
+    name(recorder, "bag")
+    give(recorder, "storage.min_free_space", 2**40)  # more than any disk has
+    bag = Path(start(recorder))
+
+    def is_told() -> bool:
+        recorder.step()
+        return recorder.health().level == DiagnosticStatus.ERROR
+
+    wait_until(is_told, what="an error in the health")
+    assert "left on the disk" in recorder.health().message
+    assert information(bag)["custom_data"]["screw_module_ros/state"] == "closed"
+    assert "never overwritten" in start(recorder), "the name is taken"
 
 
 def _nth_free(used: set[int], count: int) -> int:
