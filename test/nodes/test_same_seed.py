@@ -19,8 +19,8 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
 BETWEEN_TICKS_NS = 500_000
 S = 1_000_000_000
-READY_S = 4.0  # at the speed of the start 100 s of wall clock
-RECORDED_S, ENABLED_S, END_S = READY_S + 1.6, READY_S + 2.0, READY_S + 3.1
+READY_S = 2.0  # at the speed of the start 100 s of wall clock
+RECORDED_S, ENABLED_S, END_S = READY_S + 1.1, READY_S + 1.3, READY_S + 1.9
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -41,7 +41,7 @@ def played(folder: Path, seed: int) -> Path:
     """Run the script; return the bag."""
     extra = ["-p", f"session_recorder:folder:={folder}", "-p", "session_recorder:name:=session"]
     extra += ["-p", f"sim_rig:seed:={seed}"]
-    extra += ["-p", "sim_rig:speed:=0.04"]  # the graph starts before the first time of the script
+    extra += ["-p", "sim_rig:speed:=0.02"]  # the graph starts before the first time of the script
     with (
         GraphRun(extra=extra) as graph,
         Robot("script", watch=graph.watch, simulated=True) as robot,
@@ -51,26 +51,26 @@ def played(folder: Path, seed: int) -> Path:
         script = Script(robot)
         script.at(READY_S).set_fixture("free")
         script.at(READY_S + 0.1).clear_faults()
-        script.at(READY_S + 0.3).home()
-        script.at(READY_S + 0.5).tare()
-        script.at(READY_S + 0.8).set_fixture("human_arm")
-        script.at(READY_S + 0.9).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
-        script.at(READY_S + 1.0).set_impedance(100.0, 5.0)
-        script.at(READY_S + 1.1).set_mode(ForceCommand.FORCE_FEEDBACK)
-        script.at(READY_S + 1.2).permit()
-        script.at(READY_S + 1.3).start_recording()
-        script.at(READY_S + 1.6).enable()
-        script.at(READY_S + 1.8).enable_plane()
+        script.at(READY_S + 0.2).home()
+        script.at(READY_S + 0.3).tare()
+        script.at(READY_S + 0.55).set_fixture("human_arm")
+        script.at(READY_S + 0.6).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
+        script.at(READY_S + 0.65).set_impedance(100.0, 5.0)
+        script.at(READY_S + 0.7).set_mode(ForceCommand.FORCE_FEEDBACK)
+        script.at(READY_S + 0.75).permit()
+        script.at(READY_S + 0.8).start_recording()
+        script.at(READY_S + 1.1).enable()
+        script.at(READY_S + 1.2).enable_plane()
         script.at(ENABLED_S).set_arm(
             arm(amplitude=(0.02, 0.03, 0.1), omega=(3.0, 2.0, 4.0), target=(0.0, 0.0, 0.2))
         )
-        for number in range(15):
-            angle = 2.0 * math.pi * number / 15.0
+        for number in range(7):
+            angle = 2.0 * math.pi * number / 7.0
             script.at(ENABLED_S + 0.02 + 0.04 * number).set_setpoint(
                 0.03 * math.sin(angle), 0.0, 0.25 - 0.02 * math.sin(angle)
             )
-        script.at(ENABLED_S + 0.7).set_mode(ForceCommand.COMBINED)
-        script.at(ENABLED_S + 0.9).set_impedance(200.0, 5.0)
+        script.at(ENABLED_S + 0.3).set_mode(ForceCommand.COMBINED)
+        script.at(ENABLED_S + 0.45).set_impedance(200.0, 5.0)
         script.at(END_S).check_enabled()
         robot.stop_recording()
     assert_of_simulated_time(folder / "session")
