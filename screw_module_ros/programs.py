@@ -28,10 +28,10 @@ PROGRAMS = {
     "module": ("nodes.module", "main"),
     "session_recorder": ("nodes.session_recorder", "main"),
     "characterize": ("identification.live.characterize", "main"),
-    "check_hardware": ("hardware.command", "main"),
-    "reproduce": ("identification.reproduce", "main"),
+    "check_hardware": ("hardware.command", "command"),
+    "reproduce": ("identification.reproduce", "reproduce"),
     "session": ("session_command", "main"),
-    "study": ("identification.study", "main"),
+    "study": ("identification.study", "study"),
 }
 """Name of an executable -> module below this package, function, or the class of its node."""
 

@@ -200,11 +200,10 @@ def help_of(name: str, module, function: str) -> str:
                 session_command._parser().parse_args([*words, "--help"])
             texts.append(text.getvalue().strip())
         return "\n\n".join(texts)
-    found = [getattr(module, function), getattr(module, "command", None)]
-    for command in found:
-        if isinstance(command, click.Command):
-            return command.get_help(click.Context(command, info_name=name, max_content_width=90))
-    return ""
+    command = getattr(module, function)
+    if not isinstance(command, click.Command):
+        return ""
+    return command.get_help(click.Context(command, info_name=name, max_content_width=90))
 
 
 def measures() -> str:

@@ -186,8 +186,3 @@ def command(
     todo = sum(each.verdict == TO_DO for each in findings)
     click.echo(f"\n{todo} thing{'s' * (todo != 1)} to do. No drive was enabled.")
     raise SystemExit(1 if todo else 0)
-
-
-def main() -> None:
-    """Console entry point."""
-    command()

@@ -173,8 +173,3 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnPr
             bars.update(everything, completed=len(done) + (share if share < 1.0 else 0.0))
 
         yield on_progress
-
-
-def main() -> None:
-    """Console entry point."""
-    reproduce()

@@ -329,8 +329,3 @@ def _cell(values: list[float], least: bool) -> str:
 def _markdown(rows: list[tuple[str, ...]]) -> str:
     head, *body = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join((head, "|---" * len(rows[0]) + "|", *body))
-
-
-def main() -> None:
-    """Console entry point."""
-    study()
