@@ -33,6 +33,7 @@ _N, _M, _H, _C, _F = 0, 2, 4, 6, 7  # nut, mount, handle, amplifier, transducer 
 _STATES = 8
 _AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
 _SETTLE_S = 3.0
+_LEAST = 1e-3  # a gain below it is none
 _STEP = 1e-7  # of a difference; one-sided: a negative mean square is no state of the guard
 _NOTHING = 1e-9  # a smaller entry of a difference is rounding
 
@@ -268,7 +269,7 @@ def _held(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.nda
 def largest_gain(
     mechanism: Mechanism, environment: Arm, sampling: Sampling, law: Law, most: float = MOST
 ) -> float:
-    """Return the largest gain with a stable loop, 0 without any; its relative error is 1 %.
+    """Return the largest gain with a stable loop, 0 for less than 1e-3; its relative error is 1 %.
 
     law: its gain is varied; most: largest gain of the search; infinite if that is stable.
     """
@@ -286,6 +287,8 @@ def largest_gain(
     else:
         return math.inf
     while high - low > 0.01 * high:
+        if high < _LEAST:
+            return 0.0
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

@@ -53,6 +53,14 @@ class _Tap:
         self.subscription: Any = None
 
 
+def _resolved(node: Node, name: str) -> str:
+    """Return the full name of a topic. Raises ValueError for what is none, such as a pattern."""
+    try:
+        return node.resolve_topic_name(name)
+    except RuntimeError:  # rclpy's RCLError
+        raise ValueError(f"topics: {name!r} is no topic name; name each topic by itself") from None
+
+
 class Taps:
     """Subscriptions for one `recording`. refused: why topics are not recorded, by name."""
 
@@ -63,7 +71,7 @@ class Taps:
         self._wait_set = new_wait_set(node, 1)
         self._lock = threading.Lock()  # of declarations
         self._taps: dict[str, _Tap] = {}
-        self._extra = dict.fromkeys((*_BESIDE, *map(node.resolve_topic_name, extra)))
+        self._extra = dict.fromkeys((*_BESIDE, *(_resolved(node, name) for name in extra)))
         self.refused: dict[str, str] = {}
         for topic in graph.TOPICS.values():
             if topic.name not in _THINNED:

@@ -18,7 +18,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from rclpy.exceptions import NameValidationException
 from screw_module_msgs.srv import StartRecording
 from std_srvs.srv import Trigger
 
@@ -135,7 +134,7 @@ class SessionRecorder(Node):
         """Start a bag of this name; return why it failed, empty when it records."""
         try:
             taps = self._begun(self._new_recording(name))
-        except (BagError, NameValidationException, ValueError) as error:
+        except (BagError, ValueError) as error:
             text = str(error)
         except OSError as error:  # files, threads or memory have run out
             text = f"cannot record: {error.strerror}"

@@ -20,6 +20,7 @@ from screw_module_ros.control.guard import (
     forget,
     forget_chatter,
     guard_step,
+    guarded,
     tune_guard,
 )
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
@@ -190,6 +191,10 @@ def test_all_is_forgotten_at_once():
     assert guard.share < 1.0
     forget(guard)
     assert guard == quiet()
+
+
+def test_the_operator_reads_what_is_left():
+    assert guarded(0.4).startswith("chatter guard: the robot drives what holds the handle, 40 %")
 
 
 # -- in the law ----------------------------------------------------------------------------------

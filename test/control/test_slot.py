@@ -258,6 +258,11 @@ def test_the_first_slot_fades_in_from_nothing():
     assert 0.0 < math.hypot(output.force_x, output.force_y) < 0.01, "wall and slot fade in, both"
 
 
+def test_a_half_width_that_grows_is_refused():
+    with pytest.raises(ValueError, match="end_half_width"):
+        Slot(half_width=0.01, end_half_width=0.02).validated()
+
+
 def test_compiled_twin_agrees():
     fast, state, twin = compiled(slot_step), initial_state(), initial_state()
     for step in range(300):

@@ -239,3 +239,11 @@ def test_a_switch_in_use_is_not_felt(first, second):
         previous = output.force
         output = vertical_step(SETTINGS, MODEL, state, inp._replace(mode=second), DT)
         assert abs(output.force - previous) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("change", "named"), [({"fade_time": 0.0}, "fade_time"), ({"travel_high": 0.01}, "travel_high")]
+)
+def test_settings_out_of_range_are_refused_by_name(change, named):
+    with pytest.raises(ValueError, match=named):
+        SETTINGS._replace(**change).validated()

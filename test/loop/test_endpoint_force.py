@@ -15,10 +15,15 @@ NOISE = 0.5  # [N] of the sensor
 RAIL = 0.3  # [N] friction of the handle's guide: between sensor and hand, where no sensor sees it
 BLOW = 6.0  # [N] for less than 0.4 s: the mass that arrives at the far side of the nut's play
 
-FRICTION = {modes.IMPEDANCE: 16.0, modes.COMBINED: 3.0, modes.OBSERVER: 1.0}
+FRICTION = {
+    modes.IMPEDANCE: 16.0,
+    modes.FRICTION_COMPENSATION: 16.0,
+    modes.FORCE_FEEDBACK: 3.0,
+    modes.COMBINED: 3.0,
+    modes.OBSERVER: 1.0,
+}
 """What the screw's friction takes of the force, by mode [N]: feedback of gain 5 leaves a sixth,
-OBSERVER, which needs nothing known of the screw, comes nearest. COMBINED has the parts of the two
-modes that are left out."""
+OBSERVER, which needs nothing known of the screw, comes nearest."""
 
 
 @pytest.mark.parametrize("mode", FRICTION)

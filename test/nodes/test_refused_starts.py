@@ -75,7 +75,7 @@ def test_what_ros_itself_cannot_do_is_a_sentence_too(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("program", ["encoder", "bringup", "demo"])
 def test_a_domain_that_is_none_is_named_before_anything_starts(program, monkeypatch, tmp_path):
-    """A node, and the two ways in which commands begin; `test_domain.py` has the other numbers."""
+    """A node, and the two ways in which commands begin; `test_programs.py` has other numbers."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7abc")
     monkeypatch.chdir(tmp_path)
     done = run(program=program)

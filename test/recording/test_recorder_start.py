@@ -160,8 +160,17 @@ def test_a_pattern_names_no_topic(recorder, tmp_path, pattern):
     """Nothing is left of a recording that could not start."""
     name(recorder, "bag")
     give(recorder, "topics", [pattern])
-    assert "topic name" in start(recorder)
+    assert start(recorder).startswith(f"topics: {pattern!r} is no topic name")
     assert not (tmp_path / "bags" / "bag").exists()
+
+
+@pytest.mark.parametrize("recorder", [["-p", "record_on_start:=true"]], indirect=True, ids=["once"])
+def test_nor_does_it_when_the_recording_begins_with_the_node(recorder):
+    """The error of rclpy escaped there: the node did not become active."""
+    recorder.trigger_deactivate()
+    give(recorder, "topics", ["/screw/*"])
+    recorder.trigger_activate()
+    assert recorder.active and "'/screw/*' is no topic name" in recorder.health().message
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The effect sizes in docs/therapy.md are those of the simulated patients."""
+"""Figures tell simulated patients apart, by the effect sizes that docs/therapy.md gives."""
 
 import math
 import re
 from pathlib import Path
+from statistics import mean, pstdev
 
 import pytest
 from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
@@ -53,3 +54,29 @@ def test_the_table_of_effect_sizes(groups):
         for who, size in zip(("tremor", "weak"), sizes, strict=True):
             found = effect_size(of(groups["healthy"], name), of(groups[who], name))
             assert found == pytest.approx(size, abs=0.06), (name, who)
+
+
+def effect(worse, better, name):
+    """Cohen's d of a figure between two groups of trials."""
+    a, b = of(worse, name), of(better, name)
+    return (mean(a) - mean(b)) / math.sqrt(0.5 * (pstdev(a) ** 2 + pstdev(b) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("name", "who", "sign"),
+    [
+        ("sparc", "tremor", -1), ("log_jerk", "tremor", -1), ("speed_peaks", "tremor", 1),
+        ("speed_ratio", "tremor", -1), ("path_ratio", "tremor", 1), ("arrest_ratio", "tremor", -1),
+        ("peak_speed", "weak", -1), ("mean_speed", "weak", -1), ("duration", "weak", 1),
+        ("reach_error", "weak", 1), ("path_error", "weak", 1),
+        ("direction_error", "weak", 1),
+    ],
+)  # fmt: skip
+def test_figures_tell_patients_apart_by_a_large_effect(groups, name, who, sign):
+    """|d| > 0.8 is a large effect (Cohen 1988)."""
+    assert sign * effect(groups[who], groups["healthy"], name) > 0.8
+
+
+def test_the_healthy_reach_and_start_by_themselves(groups):
+    assert all(r["reached"] and r["initiated"] and r["moved"] for r in groups["healthy"])
+    assert not any(r["reached"] for r in groups["weak"]), "they come 80 % of the way"

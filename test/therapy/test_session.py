@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions with simulated patients: order, pause, abort, adaptation, and metrics."""
+"""Sessions with simulated patients: order, pause, abort and adaptation."""
 
 import math
-from statistics import mean, pstdev
+from statistics import mean
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
+from simulated_patient import FEEBLE, HEALTHY, Simulation
 
 from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.line import NO_SLOT
@@ -37,43 +37,6 @@ def played(person, protocol=None, seed=1):
     return session, samples
 
 
-@pytest.fixture(scope="module")
-def unassisted():
-    """Two seeds of sixteen reaches each, by person."""
-    people = {"healthy": HEALTHY, "tremor": SHAKING, "weak": FEEBLE}
-    return {
-        name: [r for seed in range(2) for r in played(person, seed=seed)[0].results]
-        for name, person in people.items()
-    }
-
-
-def effect(worse, better, name):
-    """Cohen's d of a figure between two groups of trials."""
-    a = [r[name] for r in worse if not math.isnan(r[name])]
-    b = [r[name] for r in better if not math.isnan(r[name])]
-    return (mean(a) - mean(b)) / math.sqrt(0.5 * (pstdev(a) ** 2 + pstdev(b) ** 2))
-
-
-@pytest.mark.parametrize(
-    ("name", "who", "sign"),
-    [
-        ("sparc", "tremor", -1), ("log_jerk", "tremor", -1), ("speed_peaks", "tremor", 1),
-        ("speed_ratio", "tremor", -1), ("path_ratio", "tremor", 1), ("arrest_ratio", "tremor", -1),
-        ("peak_speed", "weak", -1), ("mean_speed", "weak", -1), ("duration", "weak", 1),
-        ("reach_error", "weak", 1), ("path_error", "weak", 1),
-        ("direction_error", "weak", 1),
-    ],
-)  # fmt: skip
-def test_figures_tell_patients_apart_by_a_large_effect(unassisted, name, who, sign):
-    """|d| > 0.8 is a large effect (Cohen 1988)."""
-    assert sign * effect(unassisted[who], unassisted["healthy"], name) > 0.8
-
-
-def test_the_healthy_reach_and_start_by_themselves(unassisted):
-    assert all(r["reached"] and r["initiated"] and r["moved"] for r in unassisted["healthy"])
-    assert not any(r["reached"] for r in unassisted["weak"]), "they come 80 % of the way"
-
-
 def test_same_samples_same_numbers_bit_for_bit():
     protocol = part(CLOCK, 0, 1, circuits=1, targets=2)
     (one, samples), (other, again) = (played(FEEBLE, protocol) for _ in range(2))
@@ -92,7 +55,7 @@ def test_a_steady_patient_settles_at_soft_walls_and_short_time():
 
 
 def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
-    protocol = part(CLOCK, 1, circuits=5, targets=3, give_up=CLOCK.rules.give_up)
+    protocol = part(CLOCK, 1, circuits=3, targets=3, give_up=CLOCK.rules.give_up)
     weak, _ = played(FEEBLE, protocol)
     steady, _ = played(STEADY, protocol)
     assert weak.assistance.duration > 1.8 * steady.assistance.duration
@@ -103,7 +66,7 @@ def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
 
 def test_a_weak_patient_is_given_more_and_more_time():
     """A patient who is always late lags each time, also behind a wall at the target."""
-    session, _ = played(FEEBLE, part(CLOCK, 1, circuits=14, targets=1, give_up=12.0))
+    session, _ = played(FEEBLE, part(CLOCK, 1, circuits=10, targets=1, give_up=12.0))
     times = [change.after.duration for change in session.changes]
     assert times == sorted(times)
     assert times[-1] > 2.0
