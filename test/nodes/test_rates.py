@@ -9,7 +9,7 @@ from screw_module_msgs.msg import ImpedanceState, SafetyState
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.trials.runner import GraphRun
 
-pytestmark = [pytest.mark.graph, pytest.mark.long]
+pytestmark = pytest.mark.graph  # `make test` too: its one graph
 
 CHAIN = ["sim_rig", "supervisor", "encoder", "force_sensor", "impedance_controller", "amplifier"]
 NEEDED = "supervisor:required:=[encoder, force_sensor, impedance_controller, amplifier]"
