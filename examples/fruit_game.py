@@ -37,8 +37,7 @@ def play(state: EndpointState) -> None:
         aim = next(fruit)
     wish = EndpointSetpoint()
     wish.position.x, wish.position.y, wish.position.z = aim
-    if rclpy.ok():  # a signal may have ended ROS meanwhile
-        wishes.publish(wish)
+    wishes.publish(wish)
 
 
 def listen() -> None:
@@ -53,3 +52,6 @@ try:
     rclpy.spin(node)
 except (KeyboardInterrupt, ExternalShutdownException):
     pass
+except RuntimeError:  # rclpy's RCLError: a signal has ended ROS within a callback
+    if rclpy.ok():
+        raise

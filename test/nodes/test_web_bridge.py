@@ -29,6 +29,14 @@ def run(coroutine):
     return asyncio.run(asyncio.wait_for(coroutine, DEADLINE_MS * 1e-3))
 
 
+@pytest.fixture
+def nobody_plays(stage):
+    """The patient rests: each movement lasts until it is given up, so no session ends by itself."""
+    stage.plays = False
+    yield
+    stage.plays = True
+
+
 @contextlib.asynccontextmanager
 async def attending(page):
     """Attend a session, as the therapist's page does twice a second."""
@@ -87,6 +95,7 @@ async def resume(page):
         assert "nobody offers" in answer["values"]
 
 
+@pytest.mark.usefixtures("nobody_plays")
 def test_the_hand_is_seen_and_a_wish_is_bounded(stage):
     async def play():
         async with Page(stage.address, stage.tokens.patient) as page:
@@ -105,15 +114,11 @@ def test_the_hand_is_seen_and_a_wish_is_bounded(stage):
                 await asyncio.sleep(0.02)
             return seen["msg"], refused["msg"]
 
-    stage.plays = False
-    try:
-        endpoint, refused = run(play())
-        wished = stage.setpoints[-1].position
-        stage.ask(lambda robot: robot.wait_until(
-            lambda: abs(stage.setpoints[-1].position.x - wished.x) > 1e-3, 20.0,
-            "nobody lets the hand go once the game is silent"))  # fmt: skip
-    finally:
-        stage.plays = True
+    endpoint, refused = run(play())
+    wished = stage.setpoints[-1].position
+    stage.ask(lambda robot: robot.wait_until(
+        lambda: abs(stage.setpoints[-1].position.x - wished.x) > 1e-3, 20.0,
+        "nobody lets the hand go once the game is silent"))  # fmt: skip
     assert 0.1 < endpoint["position"]["z"] < 0.3
     assert "nobody publishes set points" in refused
     *asked, released = stage.setpoints
@@ -126,6 +131,7 @@ def test_the_hand_is_seen_and_a_wish_is_bounded(stage):
     assert max(steps) <= 0.3 * 0.2 + 1e-9  # the speed allowed, over the longest time that counts
 
 
+@pytest.mark.usefixtures("nobody_plays")
 def test_a_lost_bridge_pauses_the_session_and_so_does_a_silent_page(stage, kill_9):
     async def before():
         async with therapist(stage) as page, attending(page):
@@ -152,6 +158,7 @@ def test_a_lost_bridge_pauses_the_session_and_so_does_a_silent_page(stage, kill_
     assert run(after())["values"]["success"]
 
 
+@pytest.mark.usefixtures("nobody_plays")
 def test_who_starts_a_session_from_a_page_attends_it(stage):
     """Lost before its first attendance, such a page was never missed."""
     async def play():
