@@ -177,12 +177,13 @@ class AmplifierNode(DriveNode):
     def health(self) -> Health:
         """State of the drive, timing, counters."""
         state, part, drive = self._state, self.part, self.drives[0]
-        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak, self._screw)
+        now_ns, limits = self.clock.now_ns(), self._chain.limits
         values = {
             **timing_values(state, part.meter),
             **latency_values("own", part.own),
-            "state": drive.state(self.clock.now_ns()).text,
-            "largest force [N]": f"{peak:.0f}",
+            "state": drive.state(now_ns).text,
+            "motor heat [%]": f"{100.0 * part.heat(now_ns) / limits.continuous**2:.0f}",
+            "largest force [N]": f"{torque_to_force(limits.peak, self._screw):.0f}",
             "calibration": state.calibration,
             **device_values(drive.counters),
             **self.port_values(part.skipped),
