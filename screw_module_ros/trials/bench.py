@@ -20,10 +20,11 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ from typing import Any, NamedTuple
 import aiohttp
 import click
 from diagnostic_msgs.msg import DiagnosticArray
+from rich.markup import escape
 from rich.table import Table
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
@@ -56,29 +58,31 @@ from .runner import GraphRun, command, own_place, recordings_in, running
 from .therapy import BRIDGE, bridge_words, token_file
 
 SEPARATE, COMPOSED, LOOP, STEPS, CALLS = "separate", "composed", "loop", "steps", "calls"
-TIMING = ("p50", "p99", "p99.9", "late", "lost")
-PARTS = ("answer p50", "answer p99", "own p50", "own p99")
-PAGE = "page"
-UNITS = {"late": "%", "lost": "%", PAGE: "1/s"}  # microseconds otherwise
-WANTED: dict[tuple[str, int], dict[str, float]] = {
-    (SEPARATE, 1000): {"late": 0.5, "lost": 0.5},
-    (COMPOSED, 1000): {"p99": 400.0, "late": 0.05, "lost": 0.05},
-    (SEPARATE, 2000): {"p50": 200.0, "p99": 325.0, "late": 0.5, "lost": 0.1},
-    (COMPOSED, 2000): {"p99": 60.0},
+GRAPH = "graph"
+SECTIONS = {
+    GRAPH: "By wall clock. Latencies from SYNC to the drive write; answer: from SYNC to reception "
+    "of the encoder's answer (bus and device); own: from there (composed), or from reception of "
+    "the command (separate), to the drive write",
+    STEPS: "Lock step, as fast as it goes, ticks of 1 ms",
+    CALLS: f"Python calls of a tick of {PERIOD_NS * 1e-6:g} ms, the whole robot in one thread",
+    LOOP: "In-process loop, 2 kHz samples, substeps of 50 us",
 }
-"""Of (processes, rate [Hz]) on two cores; latencies [us], shares [%]."""
-WANTED_FACTOR = {1: 500.0, 2: 1000.0}
-"""Simulated over real time of the in-process loop, by cores."""
-WANTED_STEPS = {
-    (SEPARATE, False): (math.nan, 1.6), (SEPARATE, True): (1.0, math.nan),
-    (COMPOSED, True): (2.0, math.nan),
-}  # fmt: skip
-"""Least real-time factor and most processor time a tick [ms] of (processes, recorder)."""
+TIMING = ("p50 [us]", "p99 [us]", "p99.9 [us]", "late [%]", "lost [%]")
+FACTOR, ALL, SPENT = "x real time", "all", "processor, all [ms a tick]"
 WANTED_CALLS = 900.0
-LEGEND = (
-    "answer: SYNC to reception of the encoder's answer (bus and device). own: from there "
-    "(composed), or from reception of the command (separate), to the drive write."
-)
+WANTED: dict[str, dict[str, float]] = {
+    "separate 1000 Hz": {"late [%]": 0.5, "lost [%]": 0.5},
+    "composed 1000 Hz": {"p99 [us]": 400.0, "late [%]": 0.05, "lost [%]": 0.05},
+    "separate 2000 Hz": {"p50 [us]": 200.0, "p99 [us]": 325.0, "late [%]": 0.5, "lost [%]": 0.1},
+    "composed 2000 Hz": {"p99 [us]": 60.0},
+    "separate": {SPENT: 1.6},
+    "separate, recorder": {FACTOR: 1.0},
+    "composed, recorder": {FACTOR: 2.0},
+    "one thread": {ALL: WANTED_CALLS},
+    "1 core": {FACTOR: 500.0},
+    "2 cores": {FACTOR: 1000.0},
+}
+"""Of a case: the most of a figure, of `FACTOR` the least. On two cores."""
 SUBSCRIBED = (topics.ENDPOINT_STATE, topics.THERAPY_STATE)
 """Topics of the patient's page, see bridge/pages/static/js/patient/main.js."""
 LOOP_S = 60.0
@@ -95,25 +99,27 @@ _RECORDER = topics.TOPICS[topics.RECORDER_STATUS].publisher
 _STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
 _HEARD_S, _LOOK_S, _END_S = 20.0, 0.2, 5.0
 _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
-_SUM = "all"
+
+Figures = dict[str, float]
+"""What one run came to: value by name with unit."""
 
 
 class Case(NamedTuple):
-    """What is measured: how the processes are cut, ticks per second, with or without a page."""
+    """What is measured: one column of its section's table.
 
-    processes: str
-    rate: int
-    page: bool = False
+    measure: does one run. wanted: key in `WANTED`. bare: title of the same case without a page,
+    whose runs bound its latencies and shares in place of that.
+    """
 
-    @property
-    def title(self) -> str:
-        """The case without its rate, in words."""
-        return f"{self.processes}, page" if self.page else self.processes
+    section: str
+    title: str
+    measure: Callable[[], Figures]
+    wanted: str = ""
+    bare: str = ""
 
-    @property
-    def wanted(self) -> dict[str, float]:
-        """The limits of its figures."""
-        return WANTED.get((self.processes, self.rate), {})
+
+Measured = Mapping[str, Sequence[Figures]]
+"""The runs of each case, by title."""
 
 
 class Counts(NamedTuple):
@@ -133,64 +139,6 @@ class Counts(NamedTuple):
     processor: dict[str, float]
     seconds: float
     read: int = 0
-
-
-class Run(NamedTuple):
-    """One run: figures by name, processor time by executable [% of a core], conditions.
-
-    load: the machine's load average (1 min) before the start; enabled: torque passed throughout.
-    """
-
-    figures: dict[str, float]
-    processor: dict[str, float]
-    load: float
-    enabled: bool
-
-
-class Spread(NamedTuple):
-    """A figure over several runs."""
-
-    median: float
-    low: float
-    high: float
-
-
-class StepCase(NamedTuple):
-    """What is measured in lock step: how the processes are cut, with or without the recorder."""
-
-    processes: str
-    recorder: bool
-
-    @property
-    def title(self) -> str:
-        """The case in words."""
-        return f"{self.processes}, recorder" if self.recorder else self.processes
-
-
-class StepRun(NamedTuple):
-    """One run in lock step, as fast as it goes: simulated over real time; by executable the
-    processor time [ms] and the voluntary context switches of a tick of 1 ms."""
-
-    factor: float
-    processor: dict[str, float]
-    switches: dict[str, float]
-
-
-class Speed(NamedTuple):
-    """Simulated over real time of each run, ascending; cores: number of parallel processes."""
-
-    trial: str
-    cores: int
-    factors: tuple[float, ...]
-
-    @property
-    def median(self) -> float:
-        """The median of the runs."""
-        return median(self.factors)
-
-
-Measured = Mapping[Case, Sequence[Run]]
-Stepped = Mapping[StepCase, Sequence[StepRun]]
 
 
 @command("bench")
@@ -219,58 +167,60 @@ def bench(
     """Measure and say."""
     if quick:
         runs, seconds = 1, 5.0
-    wanted = only or (SEPARATE, COMPOSED, STEPS, CALLS, LOOP)
-    steps = [StepCase(cut, recorder) for cut in (SEPARATE, COMPOSED) if STEPS in wanted
-             for recorder in (False, True)]  # fmt: skip
-    cases = [
-        Case(cut, rate, page)
-        for cut in (SEPARATE, COMPOSED) if cut in wanted
-        for rate in rates for page in ((False, True) if bridge else (False,))
-    ]  # fmt: skip
-    measured: dict[Case, list[Run]] = {}
-    stepped: dict[StepCase, list[StepRun]] = {}
-    calls: dict[str, float] = {}
-    loop: list[Speed] = []
-
-    def save() -> None:
-        write(content_of(measured, seconds, loop, stepped, calls), file)
-
-    try:
-        if CALLS in wanted:
-            with console.step("Python calls of a tick"):
-                calls = calls_by_room()
-        # In turn, so that a change of the load affects all cases; saved after each run.
-        with _one_domain():
-            for number in range(1, runs + 1):
-                which = f"run {number} of {runs}"
-                for case in cases:
-                    with _survived(f"{case.title} at {case.rate} Hz, {which}", console):
-                        run = measure(case, seconds)
-                        measured.setdefault(case, []).append(run)
-                    save()
-                for step in steps:
-                    with _survived(f"{step.title} in lock step, {which}", console):
-                        one = measure_steps(step, seconds)
-                        stepped.setdefault(step, []).append(one)
-                    save()
-        if LOOP in wanted:
-            cores = len(os.sched_getaffinity(0))
-            with console.step(f"in-process loop, {runs} runs"), worker_pool(cores) as pool:
-                loop = speeds(runs, pool, cores)
-    finally:  # an interruption loses no finished run
-        if measured:
-            pages = page_table(measured)
-            console.show(timing_table(measured), LEGEND, *([pages] if pages else []))
-            console.show(processor_table(measured))
-        if stepped:
-            console.show(*step_tables(stepped))
-        if calls:
-            console.show(calls_table(calls))
-        if loop:
-            console.show(loop_table(loop))
-        save()
-        console.show(f"As JSON: {file}")
+    with worker_pool() as pool:
+        cases = cases_of(only or (SEPARATE, COMPOSED, STEPS, CALLS, LOOP), rates, bridge, seconds,
+                         pool)  # fmt: skip
+        measured: dict[str, list[Figures]] = {case.title: [] for case in cases}
+        try:
+            with _one_domain():
+                # In turn, so that a change of the load affects all cases; saved after each run.
+                for number in range(1, runs + 1):
+                    for case in cases:
+                        if case.section != CALLS or not measured[case.title]:
+                            _run(case, f"run {number} of {runs}", measured, console)
+                            write(content_of(cases, measured, seconds), file)
+        finally:  # an interruption loses no finished run
+            for section in SECTIONS:
+                if found := table(section, cases, measured):
+                    console.show(found)
+            write(content_of(cases, measured, seconds), file)
+            console.show(f"As JSON: {file}")
     return True
+
+
+def cases_of(
+    only: Sequence[str], rates: Sequence[int], bridge: bool, seconds: float,
+    pool: ProcessPoolExecutor,
+) -> list[Case]:  # fmt: skip
+    """Return the cases that are asked for."""
+    cuts, cases = [cut for cut in (SEPARATE, COMPOSED) if cut in only], []
+    for cut in cuts:
+        for rate in rates:
+            title = f"{cut} {rate} Hz"
+            cases.append(Case(GRAPH, title, partial(measure, cut, rate, seconds), title))
+            if bridge:
+                beside = partial(measure, cut, rate, seconds, page=True)
+                cases.append(Case(GRAPH, f"{title}, page", beside, bare=title))
+    for cut in (SEPARATE, COMPOSED) if STEPS in only else ():
+        for title, recorder in ((cut, False), (f"{cut}, recorder", True)):
+            cases.append(Case(STEPS, title, partial(steps, cut, recorder, seconds), title))
+    if CALLS in only:
+        cases.append(Case(CALLS, "one thread", calls_by_room, "one thread"))
+    cores = len(os.sched_getaffinity(0))
+    for name in LOOP_TRIALS if LOOP in only else ():
+        for count in sorted({1, cores}):
+            wanted = f"{count} core{'s' if count > 1 else ''}"
+            cases.append(Case(LOOP, f"{name}, {wanted}", partial(loop, name, count, pool), wanted))
+    return cases
+
+
+def _run(case: Case, which: str, measured: dict[str, list[Figures]], console: Console) -> None:
+    """Do one run; if a node of the graph ended in it, show a message and go on."""
+    try:
+        with console.step(f"{case.title}, {which}"):
+            measured[case.title].append(case.measure())
+    except (RobotError, ValueError) as error:
+        console.fail(f"no figures of this run: {error}")
 
 
 @contextmanager
@@ -285,20 +235,10 @@ def _one_domain() -> Iterator[None]:
             place.release()
 
 
-@contextmanager
-def _survived(what: str, console: Console) -> Iterator[None]:
-    """Show a step; if a node of the graph ended in it, show a message and go on."""
-    try:
-        with console.step(what):
-            yield
-    except (RobotError, ValueError) as error:
-        console.fail(f"no figures of this run: {error}")
-
-
 # The graph ----------------------------------------------------------------------------------------
 
 
-def measure(case: Case, seconds: float) -> Run:
+def measure(cut: str, rate: int, seconds: float, page: bool = False) -> Figures:
     """Start the whole graph, enable the vertical axis, measure for `seconds` [s], stop it.
 
     It runs in real time with the default limits of the guards. If the machine is too slow for
@@ -307,34 +247,35 @@ def measure(case: Case, seconds: float) -> Run:
     """
     load = os.getloadavg()[0]
     extra = [word for node in topics.COMPOSED.parts
-             for word in ("-p", f"{node}:rate:={float(case.rate)}")]  # fmt: skip
+             for word in ("-p", f"{node}:rate:={float(rate)}")]  # fmt: skip
     extra.append("--disable-stdout-logs")
-    nodes = GraphRun(extra=extra, composed=case.processes == COMPOSED, wall_clock=True)
+    nodes = GraphRun(extra=extra, composed=cut == COMPOSED, wall_clock=True)
     port = free_port()
 
     def beside(graph: GraphRun) -> None:
-        if case.page:
+        if page:
             graph.add(BRIDGE, *bridge_words(graph, port, file_games=False))
 
     with ExitStack() as stack:
         robot, graph = stack.enter_context(running("bench", Console(quiet=True), nodes, beside))
         counters = _Counters(robot)
         enabled = _enable(robot)
-        page = None
-        if case.page:
+        reader = None
+        if page:
             token = tokens_in(token_file(graph)).patient
-            page = stack.enter_context(PageReader(f"http://127.0.0.1:{port}", token))
-            robot.wait_until(lambda: page.received, _HEARD_S, "the page reads nothing")
+            reader = stack.enter_context(PageReader(f"http://127.0.0.1:{port}", token))
+            robot.wait_until(lambda: reader.received, _HEARD_S, "the page reads nothing")
         robot.pause(_SETTLE_S)
-        begin = counters.read(graph.pids, page)
+        begin = counters.read(graph.pids, reader)
         robot.pause(seconds)
-        end = counters.read(graph.pids, page)
+        end = counters.read(graph.pids, reader)
         state = robot.state(AmplifierState)
         enabled = enabled and state is not None and state.enabled
-    found = figures(begin, end)
-    if case.page:
-        found[PAGE] = (end.read - begin.read) / (end.seconds - begin.seconds)
-    return Run(found, processor_shares(begin, end), load, enabled)
+    return {
+        **figures(begin, end),
+        "torque on throughout": float(enabled),
+        "load average before": load,
+    }
 
 
 def _enable(robot: Robot) -> bool:
@@ -361,7 +302,7 @@ class _Counters:
             node = status.name.rpartition("/")[2]
             self._values[node] = {value.key: value.value for value in status.values}
 
-    def read(self, pids: dict[str, int], page: PageReader | None) -> Counts:
+    def read(self, pids: Mapping[str, int], page: PageReader | None) -> Counts:
         """Return the counts of the next diagnostics. Raises RobotError if none arrive."""
         self._values.clear()
         self._robot.wait_until(
@@ -384,6 +325,76 @@ class _Counters:
         )
 
 
+def figures(begin: Counts, end: Counts) -> Figures:
+    """Return the figures of the window between two counts.
+
+    Raises ValueError if the window has no drive write.
+    """
+    latency, answer, own = (
+        [after - before for before, after in zip(one, two, strict=True)]
+        for one, two in zip(begin[:3], end[:3], strict=True)
+    )
+    written = sum(latency)
+    if not written:
+        raise ValueError("no command reached the drive")
+    late, lost = end.late - begin.late, end.lost - begin.lost
+    elapsed = end.seconds - begin.seconds
+    found = {f"p{100 * share:g} [us]": quantile(latency, share) * 1e6
+             for share in (0.5, 0.99, 0.999)}  # fmt: skip
+    found |= {"late [%]": 100.0 * late / (written + lost)}
+    found |= {"lost [%]": 100.0 * lost / (written + lost)}
+    for name, part in (("answer", answer), ("own", own)):
+        found |= {f"{name} p{100 * share:g} [us]": quantile(part, share) * 1e6
+                  for share in (0.5, 0.99)}  # fmt: skip
+    found["rate [1/s]"] = written / elapsed
+    if end.read:
+        found["page [1/s]"] = (end.read - begin.read) / elapsed
+    used = {name: end.processor[name] - before for name, before in begin.processor.items()}
+    return found | _with_sum("processor, {} [%]", used, 100.0 / elapsed)
+
+
+# In lock step -------------------------------------------------------------------------------------
+
+
+def steps(cut: str, recorder: bool, seconds: float) -> Figures:
+    """Start the whole graph in lock step, move the hand for `seconds` of simulated time, stop it.
+
+    Raises RobotError if the graph does not start or a node ends, Interrupted after Ctrl-C.
+    """
+    quiet = Console(quiet=True)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="screw_module_bench-"))
+        extra = [*recordings_in(Path(folder)), "-p", "sim_rig:speed:=0.0"]
+        nodes = GraphRun(
+            extra=[*extra, "--disable-stdout-logs"],
+            composed=cut == COMPOSED,
+            without=() if recorder else (_RECORDER,),
+        )
+        robot, run = stack.enter_context(running("bench", quiet, nodes))
+        make_ready(robot, quiet)
+        robot.set_arm(arm(amplitude=_STROKE.amplitude, omega=_STROKE.omega))
+        if recorder:
+            robot.start_recording()
+        robot.pause(1.0)
+        begin, begin_ns, begun_s = _used(run.pids), robot.clock.now_ns(), time.monotonic()
+        robot.pause(seconds)
+        simulated_s = (robot.clock.now_ns() - begin_ns) * 1e-9
+        factor = simulated_s / (time.monotonic() - begun_s)
+        end = _used(run.pids)
+        if recorder:
+            robot.stop_recording()
+    spent, slept = ({name: end[name][k] - begin[name][k] for name in begin} for k in (0, 1))
+    return {
+        FACTOR: factor,
+        **_with_sum("processor, {} [ms a tick]", spent, 1.0 / simulated_s),
+        **_with_sum("voluntary switches, {} [a tick]", slept, 1e-3 / simulated_s),
+    }
+
+
+def _used(pids: Mapping[str, int]) -> dict[str, tuple[float, int]]:
+    return {name: (processor_time(pid), switches(pid)) for name, pid in pids.items()}
+
+
 def processor_time(pid: int) -> float:
     """Return the processor time of a process so far [s], from /proc."""
     with open(f"/proc/{pid}/stat") as file:
@@ -401,50 +412,16 @@ def switches(pid: int) -> int:
     return total
 
 
-def measure_steps(case: StepCase, seconds: float) -> StepRun:
-    """Start the whole graph in lock step, move the hand for `seconds` of simulated time, stop it.
-
-    Raises RobotError if the graph does not start or a node ends, Interrupted after Ctrl-C.
-    """
-    quiet = Console(quiet=True)
-    with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="screw_module_bench-"))
-        extra = [*recordings_in(Path(folder)), "-p", "sim_rig:speed:=0.0"]
-        nodes = GraphRun(
-            extra=[*extra, "--disable-stdout-logs"],
-            composed=case.processes == COMPOSED,
-            without=() if case.recorder else (_RECORDER,),
-        )
-        robot, run = stack.enter_context(running("bench", quiet, nodes))
-        make_ready(robot, quiet)
-        robot.set_arm(arm(amplitude=_STROKE.amplitude, omega=_STROKE.omega))
-        if case.recorder:
-            robot.start_recording()
-        robot.pause(1.0)
-        begin, begin_ns, begun_s = _used(run.pids), robot.clock.now_ns(), time.monotonic()
-        robot.pause(seconds)
-        simulated_s = (robot.clock.now_ns() - begin_ns) * 1e-9
-        factor = simulated_s / (time.monotonic() - begun_s)
-        end = _used(run.pids)
-        if case.recorder:
-            robot.stop_recording()
-    each = {name: [(after - before) / (simulated_s * 1e3) for before, after in
-                   zip(begin[name], end[name], strict=True)] for name in begin}  # fmt: skip
-    return StepRun(
-        factor,
-        {name: 1e3 * spent for name, (spent, _) in each.items()},
-        {name: count for name, (_, count) in each.items()},
-    )
-
-
-def _used(pids: Mapping[str, int]) -> dict[str, tuple[float, int]]:
-    return {name: (processor_time(pid), switches(pid)) for name, pid in pids.items()}
+def _with_sum(name: str, values: Mapping[str, float], factor: float) -> Figures:
+    """Return a figure for each process and for all of them."""
+    each = {name.format(process): factor * value for process, value in values.items()}
+    return {**each, name.format(ALL): sum(each.values())}
 
 
 # The whole robot in one thread --------------------------------------------------------------------
 
 
-def calls_by_room(ticks: int = 1000) -> dict[str, float]:
+def calls_by_room(ticks: int = 1000) -> Figures:
     """Return the Python calls of a tick by room, of the whole robot enabled in one thread.
 
     Counted in simulated time, so the same at each run of one version of Python. `trials` is the
@@ -477,7 +454,34 @@ def calls_by_room(ticks: int = 1000) -> dict[str, float]:
     for file, count in files.items():
         within = file.rpartition("/screw_module_ros/")[2]
         rooms[within.partition("/")[0] if within != file else Path(file).name] += count
-    return {room: count / ticks for room, count in rooms.most_common()}
+    return _with_sum("{}", dict(rooms.most_common()), 1.0 / ticks)
+
+
+# The in-process loop ------------------------------------------------------------------------------
+
+
+def loop(name: str, count: int, pool: ProcessPoolExecutor) -> Figures:
+    """Return the simulated over real time of `count` runs in parallel, of all of them together."""
+    futures = [pool.submit(one_run, name) for _ in range(count)]
+    return {FACTOR: sum(future.result() for future in futures)}
+
+
+def one_run(name: str) -> float:
+    """Return simulated over real time of one run, after a short warm-up run.
+
+    Compiled plant, drivers' scaling, law and arm at 2 kHz samples with the plant's substeps.
+    """
+    bench, trial = InProcessBench(load_world()), LOOP_TRIALS[name]
+    if isinstance(trial, StageTrial):
+        bench.record(trial._replace(end=trial.start + 0.001), lambda share: None)
+    else:
+        bench.record(trial._replace(duration=0.1), lambda share: None)
+    begun = time.perf_counter()
+    samples = bench.record(trial, lambda share: None)
+    return float(samples.time[-1]) / (time.perf_counter() - begun)
+
+
+# A page besides -----------------------------------------------------------------------------------
 
 
 class PageReader:
@@ -537,210 +541,55 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def figures(begin: Counts, end: Counts) -> dict[str, float]:
-    """Return the figures of the window between two counts: latencies [us], shares [%].
-
-    Raises ValueError if the window has no drive write.
-    """
-    latency, answer, own = (
-        [after - before for before, after in zip(one, two, strict=True)]
-        for one, two in zip(begin[:3], end[:3], strict=True)
-    )
-    written = sum(latency)
-    if not written:
-        raise ValueError("no command reached the drive")
-    late, lost = end.late - begin.late, end.lost - begin.lost
-    shares = {"p50": 0.5, "p99": 0.99}
-    return {
-        **{name: quantile(latency, share) * 1e6 for name, share in shares.items()},
-        "p99.9": quantile(latency, 0.999) * 1e6,
-        "late": 100.0 * late / (written + lost),
-        "lost": 100.0 * lost / (written + lost),
-        **{f"answer {name}": quantile(answer, share) * 1e6 for name, share in shares.items()},
-        **{f"own {name}": quantile(own, share) * 1e6 for name, share in shares.items()},
-        "rate": written / (end.seconds - begin.seconds),
-    }
-
-
-def processor_shares(begin: Counts, end: Counts) -> dict[str, float]:
-    """Return the processor time of each process [% of one core]."""
-    elapsed = end.seconds - begin.seconds
-    return {
-        name: 100.0 * (end.processor[name] - used) / elapsed
-        for name, used in begin.processor.items()
-    }
-
-
-# The in-process loop ------------------------------------------------------------------------------
-
-
-def speeds(runs: int, pool: ProcessPoolExecutor, cores: int) -> list[Speed]:
-    """Measure every trial on one core and on `cores` in parallel, `runs` times each."""
-    found = []
-    for name in LOOP_TRIALS:
-        alone = [pool.submit(one_run, name).result() for _ in range(runs)]
-        found.append(Speed(name, 1, tuple(sorted(alone))))
-    for name in LOOP_TRIALS:
-        together = []
-        for _ in range(runs):
-            futures = [pool.submit(one_run, name) for _ in range(cores)]
-            together.append(sum(future.result() for future in futures))
-        found.append(Speed(name, cores, tuple(sorted(together))))
-    return found
-
-
-def one_run(name: str) -> float:
-    """Return simulated over real time of one run, after a short warm-up run.
-
-    Compiled plant, drivers' scaling, law and arm at 2 kHz samples with the plant's substeps.
-    """
-    bench, trial = InProcessBench(load_world()), LOOP_TRIALS[name]
-    if isinstance(trial, StageTrial):
-        bench.record(trial._replace(end=trial.start + 0.001), lambda share: None)
-    else:
-        bench.record(trial._replace(duration=0.1), lambda share: None)
-    begun = time.perf_counter()
-    samples = bench.record(trial, lambda share: None)
-    return float(samples.time[-1]) / (time.perf_counter() - begun)
-
-
 # Tables and JSON ----------------------------------------------------------------------------------
 
 
-def spreads(runs: Sequence[Mapping[str, float]]) -> dict[str, Spread]:
-    """Return median, lowest and highest of each figure over runs."""
-    found = {name: sorted(run[name] for run in runs) for name in runs[0]}
-    return {name: Spread(median(all_), all_[0], all_[-1]) for name, all_ in found.items()}
+def limit(case: Case, name: str, measured: Measured) -> float:
+    """Return what is wanted of a figure, NaN without a wish.
+
+    Beside a page a latency or share is to be within those of the runs without.
+    """
+    if case.bare:
+        bare = [run[name] for run in measured.get(case.bare, ())] if name in TIMING else []
+        return max(bare, default=math.nan)
+    return WANTED.get(case.wanted, {}).get(name, math.nan)
 
 
-def verdict(case: Case, figure: str, value: float) -> str:
-    """Return `yes` or `MISSED` for a figure with a limit in this case, else an empty text."""
-    if figure not in case.wanted:
+def missed(name: str, value: float, limit: float) -> bool:
+    """Return whether a figure is worse than wanted; NaN: nothing is wanted."""
+    return value < limit if name == FACTOR else value > limit
+
+
+def table(section: str, cases: Sequence[Case], measured: Measured) -> Table | None:
+    """Return the figures of a section: median (lowest..highest) of the runs, and what is wanted."""
+    shown = [case for case in cases if case.section == section and measured[case.title]]
+    if not shown:
+        return None
+    made = Table("figure", title=SECTIONS[section], title_justify="left")
+    for case in shown:
+        runs = len(measured[case.title])
+        made.add_column(f"{case.title}, {runs} run{'s' if runs > 1 else ''}", justify="right")
+    for name in dict.fromkeys(name for case in shown for name in measured[case.title][0]):
+        made.add_row(escape(name), *(_cell(case, name, measured) for case in shown))
+    return made
+
+
+def _cell(case: Case, name: str, measured: Measured) -> str:
+    values = sorted(run[name] for run in measured[case.title] if name in run)
+    if not values:
         return ""
-    return "yes" if value <= case.wanted[figure] else "MISSED"
+    middle, wanted = median(values), limit(case, name, measured)
+    text = _number(middle)
+    if len(values) > 1:
+        text += f" ({_number(values[0])}..{_number(values[-1])})"
+    if math.isnan(wanted):
+        return text
+    verdict = "MISSED" if missed(name, middle, wanted) else "reached"
+    return f"{text}, wanted {_number(wanted)}: {verdict}"
 
 
-def timing_table(measured: Measured) -> Table:
-    """Return latencies and shares of each case: median (range) and limit."""
-    table = _table("SYNC to drive write, median (range) of the runs", ("processes", "figure"),
-                   "processes", "rate", "figure", "found", "wanted", "")  # fmt: skip
-    for case, runs in measured.items():
-        found = spreads([run.figures for run in runs])
-        names = (*TIMING, *PARTS, *((PAGE,) if case.page else ()))
-        for name in names:
-            unit = UNITS.get(name, "us")
-            limit = f"{case.wanted[name]:g} {unit}" if name in case.wanted else ""
-            table.add_row(
-                case.title, f"{case.rate} Hz", name, f"{_spread_text(found[name], unit)} {unit}",
-                limit, verdict(case, name, found[name].median), end_section=name == names[-1],
-            )  # fmt: skip
-    return table
-
-
-def page_table(measured: Measured) -> Table | None:
-    """Return what bridge and page change, beside how much the runs without differ; None without."""
-    table = _table(
-        "web_bridge and one page: medians of runs in turn, (range) of those without",
-        ("processes", "figure"),
-        "processes", "rate", "figure", "without", "with", "difference", "within range",
-    )  # fmt: skip
-    for case, runs in measured.items():
-        bare = measured.get(case._replace(page=False), ())
-        if not (case.page and bare):
-            continue
-        without, found = (spreads([run.figures for run in each]) for each in (bare, runs))
-        for name in TIMING:
-            unit, before, after = UNITS.get(name, "us"), without[name], found[name].median
-            table.add_row(
-                case.processes, f"{case.rate} Hz", name,
-                f"{_spread_text(before, unit)} {unit}", f"{_number_text(after, unit)} {unit}",
-                f"{_number_text(after - before.median, unit, '+')} {unit}",
-                "yes" if after <= before.high else "ABOVE", end_section=name == TIMING[-1],
-            )  # fmt: skip
-    return table if table.row_count else None
-
-
-def processor_table(measured: Measured) -> Table:
-    """Return the processor time of each process, and the machine's load before the runs."""
-    titles = [f"{case.title} {case.rate} Hz" for case in measured]
-    title = "Processor time, % of one core, median (range)"
-    table = _table(title, ("process",), "process", *titles)
-    shares = [spreads([_with_sum(run.processor) for run in runs]) for runs in measured.values()]
-    names = dict.fromkeys(name for found in shares for name in found if name != _SUM)
-    for name in (*names, _SUM):
-        cells = (_spread_text(found[name], "cpu") if name in found else "" for found in shares)
-        table.add_row(name, *cells)
-    loads = (spreads([{"load": run.load} for run in runs])["load"] for runs in measured.values())
-    table.add_row("load average before", *(_spread_text(load, "%") for load in loads))
-    enabled = (f"{sum(run.enabled for run in runs)} of {len(runs)}" for runs in measured.values())
-    table.add_row("runs enabled throughout", *enabled)
-    return table
-
-
-def step_tables(stepped: Stepped) -> list[Table]:
-    """Return the tables of the runs in lock step: factor, processor time and switches."""
-    title = "Lock step, as fast as it goes, median (range)"
-    factors = _table(title, ("processes",), "processes", "x real time", "wanted", "",
-                     "processor, ms a tick", "wanted", "")  # fmt: skip
-    for case, runs in stepped.items():
-        least, most = WANTED_STEPS.get(
-            (case.processes, case.recorder), (math.nan, math.nan)
-        )
-        factor = spreads([{_SUM: run.factor} for run in runs])[_SUM]
-        whole = spreads([_with_sum(run.processor) for run in runs])[_SUM]
-        factors.add_row(
-            case.title,
-            _spread_text(factor, "%"), _limit(least), _met(factor.median >= least, least),
-            _spread_text(whole, "%"), _limit(most), _met(whole.median <= most, most),
-        )  # fmt: skip
-    shares = _table(
-        "A tick of 1 ms by process: processor time in ms, voluntary context switches; medians",
-        ("process",), "process", *(case.title for case in stepped),
-    )  # fmt: skip
-    spent = {case: spreads([_with_sum(run.processor) for run in runs])
-             for case, runs in stepped.items()}  # fmt: skip
-    slept = {case: spreads([_with_sum(run.switches) for run in runs])
-             for case, runs in stepped.items()}  # fmt: skip
-    names = dict.fromkeys(name for found in spent.values() for name in found if name != _SUM)
-    for name in (*names, _SUM):
-        shares.add_row(name, *(
-            f"{spent[case][name].median:.2f}, {slept[case][name].median:.1f}"
-            if name in spent[case] else "" for case in stepped
-        ))  # fmt: skip
-    return [factors, shares]
-
-
-def calls_table(calls: Mapping[str, float]) -> Table:
-    """Return the table of Python calls."""
-    total = sum(calls.values())
-    title = f"Python calls of a tick of {PERIOD_NS * 1e-6:g} ms, the whole robot in one thread"
-    table = _table(title, ("room",), "room", "calls", "wanted", "")
-    for room, count in calls.items():
-        table.add_row(room, f"{count:.1f}")
-    table.add_row(_SUM, f"{total:.1f}", f"{WANTED_CALLS:g}", _met(total <= WANTED_CALLS, total))
-    return table
-
-
-def _limit(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:g}"
-
-
-def _met(met: bool, wanted: float) -> str:
-    return "" if math.isnan(wanted) else "yes" if met else "MISSED"
-
-
-def loop_table(found: list[Speed]) -> Table:
-    """Return the table of the in-process loop."""
-    table = _table("In-process loop, 2 kHz samples, substeps of 50 us", ("trial",), "trial",
-                   "cores", "x real time", "range", "wanted", "")  # fmt: skip
-    for speed in found:
-        low, high = speed.factors[0], speed.factors[-1]
-        wanted = WANTED_FACTOR.get(speed.cores, math.nan)
-        table.add_row(
-            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}",
-            _limit(wanted), _met(speed.median >= wanted, wanted),
-        )  # fmt: skip
-    return table
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
 
 
 def write(content: Mapping[str, Any], file: Path) -> None:
@@ -748,64 +597,31 @@ def write(content: Mapping[str, Any], file: Path) -> None:
     file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def content_of(
-    measured: Measured,
-    seconds: float,
-    loop: list[Speed],
-    stepped: Stepped | None = None,
-    calls: Mapping[str, float] | None = None,
-) -> dict[str, Any]:
-    """Return the content of the JSON file; an infinite latency becomes null."""
+def content_of(cases: Sequence[Case], measured: Measured, seconds: float) -> dict[str, Any]:
+    """Return the content of the JSON file; an infinite latency, and no wish, become null."""
     return {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "python": platform.python_version(),
         "cores": len(os.sched_getaffinity(0)),
-        "graph": [
+        "seconds": seconds,
+        "cases": [
             {
-                **case._asdict(),
-                "seconds": seconds,
-                "wanted": case.wanted,
-                "median_low_high": {
-                    name: [_finite(value) for value in spread]
-                    for name, spread in spreads([run.figures for run in runs]).items()
+                "section": case.section,
+                "case": case.title,
+                "figures": {
+                    name: {
+                        "runs": [_finite(run[name]) for run in runs],
+                        "median": _finite(median(run[name] for run in runs)),
+                        "wanted": _finite(limit(case, name, measured)),
+                    }
+                    for name in runs[0]
                 },
-                "processor_median_low_high": spreads([_with_sum(run.processor) for run in runs]),
-                "runs": [
-                    {**run._asdict(), "figures": {n: _finite(v) for n, v in run.figures.items()}}
-                    for run in runs
-                ],
             }
-            for case, runs in measured.items()
+            for case in cases
+            if (runs := measured[case.title])
         ],
-        "lock_step": [
-            {**case._asdict(), "runs": [run._asdict() for run in runs]}
-            for case, runs in (stepped or {}).items()
-        ],
-        "calls_by_room": dict(calls or {}),
-        "in_process_loop": [{**speed._asdict(), "median": speed.median} for speed in loop],
     }
-
-
-def _table(title: str, left: Sequence[str], *names: str) -> Table:
-    """Return a table; left: columns of words, the others are of numbers."""
-    table = Table(title=title, title_justify="left")
-    for name in names:
-        table.add_column(name, justify="left" if name in left else "right")
-    return table
-
-
-def _with_sum(processor: Mapping[str, float]) -> dict[str, float]:
-    return {**processor, _SUM: sum(processor.values())}
 
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _spread_text(spread: Spread, unit: str) -> str:
-    middle, low, high = (_number_text(value, unit) for value in spread)
-    return f"{middle} ({low}..{high})"
-
-
-def _number_text(value: float, unit: str, sign: str = "") -> str:
-    return f"{value:{sign}.{2 if unit == '%' else 0}f}"

@@ -23,32 +23,30 @@ from screw_module_ros.resources import resource_path
 from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
 from screw_module_ros.trials import bench
 from screw_module_ros.trials.bench import (
+    ALL,
+    CALLS,
     COMPOSED,
+    FACTOR,
+    GRAPH,
+    LOOP,
     SEPARATE,
+    SPENT,
+    STEPS,
     SUBSCRIBED,
     WANTED,
     WANTED_CALLS,
     Case,
     Counts,
     PageReader,
-    Run,
-    Speed,
-    StepCase,
-    StepRun,
     calls_by_room,
-    calls_table,
+    cases_of,
     content_of,
     figures,
-    loop_table,
-    page_table,
-    processor_shares,
-    processor_table,
+    limit,
+    missed,
     processor_time,
-    spreads,
-    step_tables,
     switches,
-    timing_table,
-    verdict,
+    table,
 )
 
 BIN = BIN_NS * 1e-3  # us
@@ -67,10 +65,15 @@ def counts(latencies_us, late=0, lost=0, seconds=0.0, processor=None):
     return Counts(*histograms, late, lost, processor or {"module": 0.0}, seconds)
 
 
-def run(p99=50.0, load=1.0, enabled=True, **processor):
-    """A run with every latency `p99`."""
-    found = figures(counts([]), counts([p99] * 100, seconds=1.0))
-    return Run(found, processor or {"module": 40.0, "sim_rig": 50.0}, load, enabled)
+def run(p99=50.0, **processor):
+    """The figures of a run with every latency `p99`."""
+    used = processor or {"module": 0.4, "sim_rig": 0.5}
+    nothing = dict.fromkeys(used, 0.0)
+    return figures(counts([], processor=nothing), counts([p99] * 100, seconds=1.0, processor=used))
+
+
+def case(section, title, wanted="", bare=""):
+    return Case(section, title, dict, wanted, bare)
 
 
 def test_only_the_window_counts():
@@ -78,14 +81,14 @@ def test_only_the_window_counts():
     begin = counts(before, late=50, lost=7, seconds=10.0)
     end = counts(before + [100.0] * 980 + [300.0] * 15 + [700.0] * 5, 55, 10, 12.0)
     found = figures(begin, end)
-    assert found["p50"] == pytest.approx(100.0, abs=1.01 * BIN)
-    assert found["p99"] == pytest.approx(300.0, abs=1.01 * BIN)
-    assert found["p99.9"] == pytest.approx(700.0, abs=1.01 * BIN)
-    assert found["late"] == pytest.approx(100 * 5 / 1003)
-    assert found["lost"] == pytest.approx(100 * 3 / 1003)
-    assert found["answer p50"] == pytest.approx(50.0, abs=1.01 * BIN)
-    assert found["own p99"] == pytest.approx(30.0, abs=1.01 * BIN)
-    assert found["rate"] == pytest.approx(500.0)
+    assert found["p50 [us]"] == pytest.approx(100.0, abs=1.01 * BIN)
+    assert found["p99 [us]"] == pytest.approx(300.0, abs=1.01 * BIN)
+    assert found["p99.9 [us]"] == pytest.approx(700.0, abs=1.01 * BIN)
+    assert found["late [%]"] == pytest.approx(100 * 5 / 1003)
+    assert found["lost [%]"] == pytest.approx(100 * 3 / 1003)
+    assert found["answer p50 [us]"] == pytest.approx(50.0, abs=1.01 * BIN)
+    assert found["own p99 [us]"] == pytest.approx(30.0, abs=1.01 * BIN)
+    assert found["rate [1/s]"] == pytest.approx(500.0)
 
 
 def test_a_window_without_a_write_is_refused():
@@ -96,82 +99,75 @@ def test_a_window_without_a_write_is_refused():
 
 def test_processor_shares_are_of_one_core():
     begin = counts([], processor={"module": 1.0, "sim_rig": 5.0}, seconds=100.0)
-    end = counts([], processor={"module": 3.0, "sim_rig": 15.0}, seconds=110.0)
-    assert processor_shares(begin, end) == pytest.approx({"module": 20.0, "sim_rig": 100.0})
+    end = counts([100.0], processor={"module": 3.0, "sim_rig": 15.0}, seconds=110.0)
+    found = figures(begin, end)
+    shares = [found[f"processor, {name} [%]"] for name in ("module", "sim_rig", ALL)]
+    assert shares == pytest.approx([20.0, 100.0, 120.0])
 
 
-def test_median_and_range_of_runs():
-    assert spreads([{"p99": value} for value in (30.0, 10.0, 500.0, 20.0, 40.0)]) == {
-        "p99": (30.0, 10.0, 500.0)
+def test_every_case_is_measured_once_and_every_wish_has_its_case(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    cases = cases_of((SEPARATE, COMPOSED, STEPS, CALLS, LOOP), (1000, 2000), True, 5.0, None)
+    titles = [one.title for one in cases]
+    assert len(titles) == len(set(titles)) == 4 + 4 + 4 + 1 + 4
+    assert {one.wanted for one in cases} >= WANTED.keys()
+    assert {one.bare for one in cases} - {""} == {
+        one.title for one in cases if one.section == GRAPH and not one.bare
     }
+    assert [one.section for one in cases_of((CALLS,), (1000,), True, 5.0, None)] == [CALLS]
 
 
 def test_what_is_wanted_is_judged_and_nothing_else():
-    case = Case(SEPARATE, 2000)
-    assert verdict(case, "p50", 200.0) == "yes"
-    assert verdict(case, "p50", 200.1) == "MISSED"
-    assert verdict(case, "p99.9", 1e6) == ""
-    assert verdict(Case(SEPARATE, 1000), "p50", 1e6) == ""
-    assert verdict(Case(COMPOSED, 2000), "p99", math.inf) == "MISSED"
-    assert WANTED[SEPARATE, 2000] == {"p50": 200.0, "p99": 325.0, "late": 0.5, "lost": 0.1}
-    assert WANTED[COMPOSED, 2000] == {"p99": 60.0}
+    slow, fast = case(GRAPH, "a", "separate 2000 Hz"), case(GRAPH, "b", "separate 1000 Hz")
+    assert limit(slow, "p50 [us]", {}) == 200.0
+    assert math.isnan(limit(slow, "p99.9 [us]", {})) and math.isnan(limit(fast, "p50 [us]", {}))
+    assert not missed("p50 [us]", 200.0, 200.0) and missed("p50 [us]", 200.1, 200.0)
+    assert missed("p99 [us]", math.inf, 60.0) and not missed("p99 [us]", math.inf, math.nan)
+    assert missed(FACTOR, 499.0, 500.0) and not missed(FACTOR, 501.0, 500.0)
 
 
-def shown(table) -> str:
-    """The table as text."""
-    console = Console(width=200)
+def shown(section, measured) -> str:
+    """The table of a section as text; measured: runs of each case."""
+    console = Console(width=250)
     with console.capture() as capture:
-        console.print(table)
+        console.print(table(section, list(measured), {c.title: r for c, r in measured.items()}))
     return capture.get()
 
 
-def test_the_tables_say_what_was_missed():
-    measured = {
-        Case(COMPOSED, 2000): [run(50.0), run(400.0), run(450.0, enabled=False)],
-        Case(SEPARATE, 2000): [run(50.0, encoder=12.0)],
-    }
-    told = shown(timing_table(measured))
-    line = next(row for row in told.splitlines() if "p99 " in row and "composed" in row)
-    assert "60 us" in line and "MISSED" in line
-    used = shown(processor_table(measured))
-    assert "90 (90..90)" in used  # module and rig together
-    assert "2 of 3" in used and "1 of 1" in used
+def line(text, name):
+    return next(row for row in text.splitlines() if f" {name} " in row)
+
+
+def test_the_table_shows_median_and_range_and_says_what_was_missed():
+    composed = case(GRAPH, "composed 2000 Hz", "composed 2000 Hz")
+    told = shown(GRAPH, {composed: [run(50.0), run(450.0), run(400.0)],
+                         case(GRAPH, "another"): [run(50.0, encoder=0.12)]})  # fmt: skip
+    assert "405 (55..455), wanted 60: MISSED" in line(told, "p99 [us]")  # upper edges of bins
+    assert "90 (90..90)" in line(told, "processor, all [%]")  # module and rig together
+    assert "12" in line(told, "processor, encoder [%]")
+    assert "3 runs" in told and "1 run " in told
+    assert table(STEPS, [composed], {"composed 2000 Hz": [run()]}) is None
 
 
 def test_the_page_is_judged_by_the_spread_of_the_runs_without():
-    bare, page = Case(COMPOSED, 1000), Case(COMPOSED, 1000, page=True)
+    bare, page = case(GRAPH, "bare"), case(GRAPH, "page", bare="bare")
     without = [run(50.0), run(80.0), run(60.0)]
-    told = shown(page_table({bare: without, page: [run(70.0, web_bridge=5.0)] * 3}))
-    p99 = next(row for row in told.splitlines() if "p99 " in row)
-    assert all(each in p99 for each in ("65 (55..85) us", " 75 us", "+10 us", "yes"))  # of bins
-    assert "ABOVE" not in told
-    assert "ABOVE" in shown(page_table({bare: without, page: [run(90.0)]}))
-    assert page_table({bare: without}) is None
-    assert page_table({page: without}) is None  # nothing to compare with
-    read = content_of({bare: without, page: [run(70.0)]}, 15.0, [])
-    assert [case["page"] for case in read["graph"]] == [False, True]
+    told = shown(GRAPH, {bare: without, page: [run(70.0, web_bridge=0.05)] * 3})
+    assert "75 (75..75), wanted 85: reached" in line(told, "p99 [us]")
+    assert "wanted" not in line(told, "own p99 [us]")
+    assert "wanted 85: MISSED" in line(shown(GRAPH, {bare: without, page: [run(90.0)]}), "p99 [us]")
+    assert "wanted" not in shown(GRAPH, {page: without})  # nothing to compare with
 
 
-def test_the_loop_is_judged_by_its_cores():
-    found = [Speed("x", 1, (450.0, 490.0, 650.0)), Speed("x", 2, (1000.0,)), Speed("x", 3, (1.0,))]
-    told = shown(loop_table(found))
-    assert told.count("MISSED") == 1
-    assert told.count("yes") == 1
-
-
-def test_lock_step_is_judged_by_case():
-    bare = StepRun(0.9, {"sim_rig": 0.5, "module": 1.0}, {"sim_rig": 3.0, "module": 4.0})
-    slow = StepRun(1.9, {"sim_rig": 0.5, "module": 2.0}, {"sim_rig": 3.0, "module": 4.5})
-    measured = {StepCase(SEPARATE, False): [bare, bare], StepCase(COMPOSED, True): [slow]}
-    factors, processes = (shown(table) for table in step_tables(measured))
-    apart, composed = (next(row for row in factors.splitlines() if word in row) for word in
-                       ("separate ", "composed, recorder"))  # fmt: skip
-    assert "1.50" in apart and "yes" in apart and "MISSED" not in apart
-    assert "1.90" in composed and "MISSED" in composed
-    total = next(row for row in processes.splitlines() if "all" in row)
-    assert "1.50, 7.0" in total and "2.50, 7.5" in total
-    read = content_of({}, 5.0, [], measured)
-    assert [case["recorder"] for case in read["lock_step"]] == [False, True]
+def test_lock_step_and_loop_are_judged_by_case():
+    lock = {case(STEPS, "apart", "separate"): [{FACTOR: 0.9, SPENT: 1.5}],
+            case(STEPS, "one", "composed, recorder"): [{FACTOR: 1.9, SPENT: 2.5}]}  # fmt: skip
+    told = shown(STEPS, lock)
+    assert "1.9, wanted 2: MISSED" in line(told, FACTOR) and told.count("wanted") == 2
+    assert "1.5, wanted 1.6: reached" in line(told, SPENT)
+    loops = {case(LOOP, "x, 1 core", "1 core"): [{FACTOR: 490.0}], case(LOOP, "x, 3 cores", "3"):
+             [{FACTOR: 1.0}]}  # fmt: skip
+    assert shown(LOOP, loops).count("MISSED") == 1
 
 
 @pytest.fixture
@@ -187,9 +183,8 @@ def test_a_tick_keeps_to_its_budget_of_calls_and_each_count_is_the_same():
     counts = [calls_by_room(50) for _ in range(2)]
     assert counts[0] == counts[1]
     assert {"rig", "devices", "control", "safety", "loop", "plant"} <= counts[0].keys()
-    assert sum(counts[0].values()) <= WANTED_CALLS
-    assert "yes" in shown(calls_table(counts[0]))
-    assert "MISSED" in shown(calls_table({"rig": WANTED_CALLS, "loop": 1.0}))
+    total = counts[0].pop(ALL)
+    assert total == pytest.approx(sum(counts[0].values())) and total <= WANTED_CALLS
 
 
 def test_sleeping_is_a_voluntary_switch():
@@ -199,12 +194,13 @@ def test_sleeping_is_a_voluntary_switch():
 
 
 def test_json_holds_every_run_and_no_infinity():
-    content = content_of({Case(SEPARATE, 1000): [run(9000.0), run(100.0)]}, 15.0, [])
+    one, none = case(GRAPH, "separate 1000 Hz", "separate 1000 Hz"), case(GRAPH, "not run")
+    content = content_of([one, none], {one.title: [run(9000.0), run(100.0)], none.title: []}, 15.0)
     read = json.loads(json.dumps(content, allow_nan=False))
-    (case,) = read["graph"]
-    assert (case["processes"], case["rate"], case["seconds"]) == ("separate", 1000, 15.0)
-    assert len(case["runs"]) == 2
-    assert case["runs"][0]["figures"]["p99"] is None
+    (found,) = read["cases"]
+    assert (found["case"], read["seconds"]) == ("separate 1000 Hz", 15.0)
+    assert found["figures"]["p99 [us]"]["runs"] == [None, pytest.approx(105.0)]
+    assert found["figures"]["late [%]"]["wanted"] == 0.5
 
 
 def test_processor_time_of_this_process_grows():
@@ -219,7 +215,7 @@ def test_a_full_disk_does_not_take_the_figures_with_it(monkeypatch, tmp_path):
     def full(*_: object) -> None:
         raise OSError("the disk is full")
 
-    monkeypatch.setattr(bench, "speeds", lambda *_: [Speed("one", 1, (321.0,))])
+    monkeypatch.setattr(bench, "loop", lambda *_: {FACTOR: 321.0})
     monkeypatch.setattr(bench, "write", full)
     given = ["--only", bench.LOOP, "--json", str(tmp_path / "x.json")]
     result = CliRunner().invoke(bench.bench, given)
@@ -231,7 +227,7 @@ def test_a_run_that_failed_is_told_and_the_others_count(monkeypatch, tmp_path):
     """The first run of two fails; an interruption after the second loses nothing."""
     answers = [bench.RobotError("encoder ended"), run(50.0), KeyboardInterrupt()]
 
-    def measured(*_: object) -> Run:
+    def measured(*_: object) -> dict[str, float]:
         answer = answers.pop(0)
         if isinstance(answer, BaseException):
             raise answer
@@ -242,9 +238,9 @@ def test_a_run_that_failed_is_told_and_the_others_count(monkeypatch, tmp_path):
     given = ["--only", SEPARATE, "--rate", "1000", "--runs", "3", "--json", str(file)]
     result = CliRunner().invoke(bench.bench, given)
     assert result.exit_code == 130
-    assert "no figures of this run: encoder ended" in result.output and "1 of 1" in result.output
-    (case,) = json.loads(file.read_text())["graph"]
-    assert len(case["runs"]) == 1
+    assert "no figures of this run: encoder ended" in result.output and "1 run" in result.output
+    (found,) = json.loads(file.read_text())["cases"]
+    assert len(found["figures"]["rate [1/s]"]["runs"]) == 1
 
 
 # The page beside the graph, against the real server -----------------------------------------------
