@@ -42,7 +42,7 @@ reproduce: build  ## every experiment of the thesis in process: report.html and 
 study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --first-seed 1000 --mode 5"
 	@tools/run study $(ARGS)
 
-test: build  ## the tests without those marked long; pass options with ARGS="-k friction"
+test: build  ## the tests without those marked long; with ARGS="-k friction" what it selects, long ones too
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph

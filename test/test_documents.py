@@ -14,13 +14,15 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from catalogue import ROWS
+from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import profiles, session_command
 from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
-from screw_module_ros.control.modes import OBSERVER
+from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.nodes import bringup
+from screw_module_ros.therapy import protocol_file
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -131,6 +133,25 @@ def test_the_damping_that_the_page_names_is_enough_for_mode_observer():
     assert law._replace(damping=damping - 0.1).refusal(OBSERVER)
 
 
+def test_every_field_of_a_message_says_what_it_is():
+    files = [*(ROOT / "msg_defs").glob("msg/*"), *(ROOT / "msg_defs").glob("srv/*"),
+             *(ROOT / "msg_defs").glob("action/*")]  # fmt: skip
+    fields = {file.name: re.findall(r"^[a-z]\S* +[a-z]\w*\b(.*)", file.read_text("utf-8"), re.M)
+              for file in files}  # fmt: skip
+    assert sum(map(len, fields.values())) > 200
+    assert [name for name, rest in fields.items() if not all("# " in one for one in rest)] == []
+
+
+def test_every_mode_is_where_a_reader_looks_for_it():
+    modes = {f"{number} {name}" for number, name in MODE_NAMES.items()}
+    for page, told in (("first_run", modes), ("control", modes - {"0 OFF"})):
+        text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
+        assert set(re.findall(r"^\| (\d [A-Z_]+) \|", text, re.M)) == told, page
+    text = (ROOT / "msg_defs/srv/SetControlMode.srv").read_text(encoding="utf-8")
+    assert {f"{number} {name}" for name, number in re.findall(r"([A-Z_]+) (\d)", text)} == modes
+    assert all(getattr(ForceCommand, name) == number for number, name in ALL_NAMES.items())
+
+
 def test_make_targets():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", text, re.MULTILINE))
@@ -231,7 +252,14 @@ def test_the_profile_of_the_porting_page_is_read(tmp_path):
     assert profiles.load(str(file), profiles.DRIVE).drive.substitutes
 
 
-def test_every_packaged_profile_has_its_name_in_the_list():
-    assert sorted(f.stem for f in (ROOT / "params/devices").glob("*.yaml")) == sorted(
-        profiles.NAMES
-    )
+@pytest.mark.parametrize(
+    ("folder", "names", "page"),
+    [("devices", profiles.NAMES, "hardware"), ("therapy", protocol_file.SHIPPED, "therapy")],
+)
+def test_what_ships_has_its_name_in_the_list_and_on_its_page(folder, names, page):
+    files = sorted((ROOT / "params" / folder).glob("*.yaml"))
+    assert [file.stem for file in files] == sorted(names)
+    told = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
+    assert [name for name in names if f"`{name}`" not in told] == []
+    if folder == "therapy":
+        assert [yaml.safe_load(file.read_text("utf-8"))["name"] for file in files] == sorted(names)

@@ -89,6 +89,11 @@ def test_every_group_named_is_there(group):
     assert group in {row.group for row in CATALOGUE}
 
 
+@pytest.mark.parametrize("row", CATALOGUE, ids=lambda row: row.name)
+def test_every_row_belongs_to_a_hazard(row):
+    assert row.group in GROUPS or any(fnmatchcase(row.name, pattern) for pattern in ROWS)
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_named_is_there(command):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

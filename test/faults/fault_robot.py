@@ -29,6 +29,7 @@ from screw_module_ros.trials.runner import GraphRun, recordings_in
 SPRING = (0.05, 0.05, MARK + 0.06, 0.0, 0.0, 0.0)
 """Set point off the hand, so that torque acts [m], [m/s]."""
 _STIFFNESS, _PLANE_STIFFNESS, _PLANE_DAMPING = 100.0, 100.0, 10.0
+_DAMPING = 6.0  # mode OBSERVER insists on 5.5 Ns/m
 _FORCE_GAIN = 2.0
 _ROW_S = 60.0
 _GAME_NS = 50_000_000
@@ -126,7 +127,7 @@ class FaultRobot(Robot):
 
     def configure(self) -> None:
         """Set the controllers' parameters, after their start."""
-        self.set_impedance(_STIFFNESS, 0.0)
+        self.set_impedance(_STIFFNESS, _DAMPING)
         self.set_impedance(_PLANE_STIFFNESS, _PLANE_DAMPING, node="manus")
         self.set_parameter("impedance_controller", "force_gain", _FORCE_GAIN)
 

@@ -168,6 +168,6 @@ ROWS = [
     for node, name, value, text in (
         ("amplifier", "command_up", 100.0, "set to 100 in motion, when it is fixed"),
         ("impedance_controller", "stiffness", _NAN, "set to NaN in motion"),
-        ("impedance_controller", "mode", 7, "set to 7 in motion"),
+        ("impedance_controller", "mode", 99, "set to 99 in motion"),
     )
 ]  # fmt: skip

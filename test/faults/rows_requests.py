@@ -17,7 +17,6 @@ from row import (
     HOME,
     LOST,
     MISSED,
-    MODE,
     PLANE_CLEAR,
     SILENT,
     STOPPED,
@@ -27,7 +26,8 @@ from row import (
     Row,
     goes_on,
 )
-from screw_module_msgs.srv import SetControlMode
+
+from screw_module_ros.control.modes import IMPEDANCE, MODE_NAMES
 
 GROUP = "intruders"
 _MISSED = LOST + 2 * 20 + 20 + DYING
@@ -87,13 +87,17 @@ def _storm(*acts: Act) -> Act:
     return act
 
 
-_MODES = [called(MODE, SetControlMode, mode=mode) for mode in (0, 1, 2, 3, 4, 1)]
+def _every_mode(robot) -> None:
+    for mode in (*MODE_NAMES, IMPEDANCE):
+        robot.set_mode(mode)
+
+
 ROWS = [
     _goes_on("clear-fault-storm", fault="clear_fault while enabled, again and again",
              act=_storm(called(CLEAR), called(PLANE_CLEAR)),
              who="amplifier, manus: nothing changes"),
     _goes_on("mode-storm", fault="set_mode through all modes, again and again",
-             act=_storm(*_MODES), who="impedance_controller fades"),
+             act=_storm(_every_mode), who="impedance_controller fades"),
     _goes_on("parameter-storm", fault="stiffness changed 500 times a second between its limits",
              act=_parameter_storm, who="impedance_controller fades"),
     _deactivated("encoder", "impedance_controller", "impedance_controller", (HOME, *MISSED),

@@ -23,6 +23,12 @@ from row import (
     Row,
 )
 
+from screw_module_ros.control.modes import (
+    FORCE_FEEDBACK,
+    FRICTION_COMPENSATION,
+    IMPEDANCE,
+    OBSERVER,
+)
 from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 
 _APART_M = 0.005
@@ -74,6 +80,14 @@ _FORCE_FAULTS = (
 )  # fmt: skip
 
 
+_LAWS = {"reset": OBSERVER, "pdos_lost": OBSERVER, "emcy": FRICTION_COMPENSATION}
+"""Control modes of the encoder's rows, IMPEDANCE else."""
+_UNSEEN = {
+    "encoder": "no node: plausible positions still come",
+    "force_sensor": "no node: it looks like the patient's force",
+}
+
+
 def _row(device, mode, name, value, text, outcome, within, report, services) -> Row:
     stops = outcome != GOES_ON
     who = report.node if report else f"{device} or impedance_controller"
@@ -82,7 +96,7 @@ def _row(device, mode, name, value, text, outcome, within, report, services) -> 
         device.replace("_", " "), f"{device}: {text}",
         frozen(device, name) if (device, name) == ("encoder", "freeze")
         else fault(device, name, float(value)), report,
-        services, who if stops else "no node: it looks like the patient's force", within,
+        services, who if stops else _UNSEEN[device], within,
         within + VIA_SUPERVISOR if stops else 0, mode, outcome,
         both(cured(device), rehomed) if HOME in services else cured(device),
         watch=0.3 if outcome != OFF else 0.2,
@@ -92,12 +106,12 @@ def _row(device, mode, name, value, text, outcome, within, report, services) -> 
 def _status(bit: int) -> Row:
     """Return the row of one bit of the ATI status word."""
     if bit not in FORCE_FAULT_BITS:
-        row = _row("force_sensor", 3, "status", bit, f"status bit {bit}, not a fault", GOES_ON, 0,
-                   None, ())  # fmt: skip
+        row = _row("force_sensor", FORCE_FEEDBACK, "status", bit,
+                   f"status bit {bit}, not a fault", GOES_ON, 0, None, ())  # fmt: skip
         return row._replace(noticed_by="force_sensor counts it")
     report = Report("impedance_controller", f"status bit {bit}", "force")
     text = f"status bit {bit}: {FORCE_STATUS_BITS[bit]}"
-    return _row("force_sensor", 3, "status", bit, text, OFF, AT_ONCE, report, _TARED)
+    return _row("force_sensor", FORCE_FEEDBACK, "status", bit, text, OFF, AT_ONCE, report, _TARED)
 
 
 def _moved_across(robot) -> None:
@@ -111,16 +125,18 @@ def _moved_across(robot) -> None:
     robot.wait_until(across, 6.0, "the handle did not move across the wrap")
 
 
-ROWS = [_row("encoder", 1, *columns) for columns in _ENCODER_FAULTS]
+ROWS = [
+    _row("encoder", _LAWS.get(columns[0], IMPEDANCE), *columns) for columns in _ENCODER_FAULTS
+]
 ROWS.append(
-    _row("encoder", 1, "rollover", 0, "counter wraps at 2^32 in motion", GOES_ON, 0, None, ())
-    ._replace(prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
-              inject=_moved_across, noticed_by="no node: the driver unwraps it", watch=1.0)
+    _row("encoder", IMPEDANCE, "rollover", 0, "counter wraps at 2^32 in motion", GOES_ON, 0, None,
+         ())._replace(prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
+                      inject=_moved_across, noticed_by="no node: the driver unwraps it", watch=1.0)
 )  # fmt: skip
-ROWS += [_row("force_sensor", 3, *columns) for columns in _FORCE_FAULTS]
+ROWS += [_row("force_sensor", FORCE_FEEDBACK, *columns) for columns in _FORCE_FAULTS]
 ROWS += [
-    _row("force_sensor", 3, "saturate", gauge, f"gauge {gauge} at its limit", OFF, SILENT, _FORCE,
-         _TARED)
+    _row("force_sensor", FORCE_FEEDBACK, "saturate", gauge, f"gauge {gauge} at its limit", OFF,
+         SILENT, _FORCE, _TARED)
     for gauge in _GAUGES
 ]  # fmt: skip
 ROWS += map(_status, _BITS)

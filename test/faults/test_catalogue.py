@@ -13,7 +13,8 @@ from record import STEP_S, Moment, largest_step, torque_samples, vertical
 from row import CLEAR, ENABLE, GOES_ON, HOME, OFF, PERIOD, PLANE_HOME, VERTICAL_OFF
 from rows_bus import DEVICES, KINDS
 
-from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK, IMPEDANCE, MODE_NAMES
+from screw_module_ros.control import modes
+from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.graph import COMPOSED, GRAPH
 
 NAMES = [row.name for row in ROWS]
@@ -33,9 +34,8 @@ def test_every_node_is_killed_and_frozen():
         assert f"{entry.executable}-{act}" in BY_NAME
 
 
-def test_the_modes_with_laws_of_their_own_have_rows():
-    assert {row.mode for row in ROWS} >= {IMPEDANCE, FORCE_FEEDBACK, COMBINED}
-    assert {row.mode for row in ROWS} <= set(MODE_NAMES)
+def test_every_law_has_rows():
+    assert {row.mode for row in ROWS} == set(MODE_NAMES) - {modes.OFF}
 
 
 @pytest.mark.parametrize("kind", KINDS)

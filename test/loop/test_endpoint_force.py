@@ -26,7 +26,7 @@ FRICTION = {
 OBSERVER, which needs nothing known of the screw, comes nearest."""
 
 
-@pytest.mark.parametrize("mode", FRICTION)
+@pytest.mark.parametrize("mode", [mode for mode in modes.MODE_NAMES if mode != modes.OFF])
 @pytest.mark.parametrize(("aim", "largest"), [(0.34, 65.0), (0.02, -45.0)])
 def test_the_limit_holds_at_the_hand(enabled, mode, aim, largest):
     """A hand that does not give way, and a set point far beyond it: the spring presses its most."""

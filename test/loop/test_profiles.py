@@ -8,13 +8,16 @@ import pytest
 from screw_module_ros import profiles
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotConfigured
+from screw_module_ros.devices.force_sensors import PROTOCOLS
 from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.rig.build import SENSORS
 from screw_module_ros.trials.one_thread import Bench
 
 pytestmark = pytest.mark.long
 
 MAKES = {name: profiles.load(name) for name in profiles.NAMES}
 DRIVES = [name for name, each in MAKES.items() if each.kind == profiles.DRIVE]
+FORCE_SENSORS = [n for n, each in MAKES.items() if each.kind == profiles.FORCE_SENSOR]
 ENCODERS = [name for name, each in MAKES.items() if each.kind == profiles.ENCODER]
 # What a drive of this make lacks without a substitute; the operator has to say so.
 WORDS = {
@@ -225,17 +228,23 @@ def test_a_make_that_needs_a_short_heartbeat_gets_four_in_its_timeout(robot, mak
     assert bench.drive.settings.heartbeat_period == pytest.approx(period)
 
 
-def test_a_net_box_measures_as_the_netcanoem_does(robot):
+def test_every_protocol_has_a_driver_and_a_simulated_sensor():
+    assert PROTOCOLS.keys() == SENSORS.keys()
+    assert {MAKES[name].force_sensor.protocol for name in FORCE_SENSORS} == PROTOCOLS.keys()
+
+
+def test_every_force_sensor_measures_as_the_netcanoem_does(robot):
     felt = {}
-    for name in (profiles.NETCANOEM, "ati_net"):
+    for name in FORCE_SENSORS:
         bench = robot(sensor=name)
         bench.ready()
         assert bench.enable() == ""
         assert moved(bench) > 0.04
         felt[name] = [row.patient for row in bench.rows[-500:]]
-    apart = max(abs(a - b) for a, b in zip(*felt.values(), strict=True))
-    assert apart < 1.0  # N: noise and rounding of two electronics
-    assert max(map(abs, felt["ati_net"])) > 3.0
+    wanted = felt[profiles.NETCANOEM]
+    assert max(map(abs, wanted)) > 3.0 and len(felt) > 1
+    for found in felt.values():  # 1 N: noise and rounding of two electronics
+        assert max(abs(a - b) for a, b in zip(wanted, found, strict=True)) < 1.0
 
 
 def test_a_net_box_that_repeats_a_sample_gives_none(robot):

@@ -133,6 +133,14 @@ def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
     assert reasons == ({"no fresh command"} if lost == 3 else set())
     assert enabled.torque_passes == (lost < 3)
     assert enabled.encoder.counters["missing"] == lost + 2
+    assert enabled.controller.faulted == (lost == 3)
+    if lost == 3:  # the way back of docs/hazards.md: no homing
+        assert enabled.enable() != ""
+        assert enabled.clear_fault() == ""
+        enabled.controller.reset(enabled.now_ns)
+        enabled.ticks(10)
+        assert not enabled.controller.faulted and enabled.enable() == ""
+        assert enabled.torque_passes
 
 
 def test_an_encoder_alone_waits_for_no_commands():
