@@ -50,8 +50,9 @@ def _stops(name: str, text: str, act: Act, who: str, report: Report | None, serv
 
 
 def _by_chance(name: str, text: str, act: Act, who: str) -> Row:
-    return Row(name, GROUP, text, act, None, STOPPED, who, BY_CHANCE, BY_CHANCE, outcome=EITHER,
-               watch=0.8)  # fmt: skip
+    """Return a row whose blow may stop the robot; a hard one looks like a jump of the encoder."""
+    return Row(name, GROUP, text, act, None, (HOME, *STOPPED), who, BY_CHANCE, BY_CHANCE,
+               outcome=EITHER, watch=0.8)  # fmt: skip
 
 
 def _still_estopped(robot) -> None:
