@@ -12,6 +12,7 @@ import pytest
 
 from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.nodes.web_bridge import measures_for_screens
+from screw_module_ros.therapy.protocol import KINDS
 from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
 
 PLAYED_DOCUMENT = """
@@ -243,6 +244,14 @@ def test_the_patient_is_told_what_to_do_now(result_of, state, told):
         const start = {{ x: 0, z: 0.18 }};
         const result = task({{ start, target: {{ x: 0.1, z: 0.18 }}, {state} }});
     """) == told
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_trial_has_its_words(result_of, kind):
+    assert result_of(f"""
+        import {{ task }} from "./js/words.js";
+        const result = task({{ phase: 3, kind: "{kind}", start: {{ x: 0 }}, target: {{ x: 1 }} }});
+    """)
 
 
 @pytest.mark.parametrize(("space", "hand", "told"), [

@@ -63,11 +63,12 @@ class VerticalLaw(RuleBasedStateMachine):
         wanted=near(-1.0, 1.0),
         speed=near(-1.0, 1.0),
         active=st.sampled_from((True, True, True, False)),
+        slot=st.sampled_from(((0.0, 0.0), (0.0, 0.0), (45.0, 1.0), (-45.0, 0.5))),
         dt=periods,
         repeats=st.integers(1, 20),
     )
-    def sample(self, position, velocity, force, wanted, speed, active, dt, repeats):
-        inp = VerticalInput(self.mode, position, velocity, force, wanted, speed, active)
+    def sample(self, position, velocity, force, wanted, speed, active, slot, dt, repeats):
+        inp = VerticalInput(self.mode, position, velocity, force, wanted, speed, active, *slot)
         for _ in range(repeats):
             output = vertical_step(self.settings, MODEL, self.state, inp, dt)
             self.judge(inp, dt, output)
@@ -76,6 +77,7 @@ class VerticalLaw(RuleBasedStateMachine):
         settings = self.settings
         assert all_finite(output) and all_finite(self.state)
         assert -settings.command_down <= output.force <= settings.command_up
+        assert -settings.force_down <= output.impedance <= settings.force_up
         assert abs(output.friction) <= settings.friction_limit
         assert abs(output.feedback) <= settings.feedback_limit
         assert abs(output.carried) <= settings.force_up + settings.force_down

@@ -10,11 +10,13 @@ from screw_module_msgs.msg import TrialResult
 from simulated_patient import FEEBLE, HEALTHY, brief, recorded, short
 
 from screw_module_ros.therapy.measures import COLUMNS, COMPUTED, MEASURES
+from screw_module_ros.therapy.protocol import KINDS, REACH
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.recorded import Act
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.report import NOT_ADAPTED, STATEMENT, write_report
 from screw_module_ros.therapy.report_content import (
+    OTHERS,
     compared,
     middle,
     other_tests,
@@ -227,3 +229,7 @@ def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
     assert found["size"] > 0.0
     file = write_report(tmp_path / "page.html", [session], [replayed(session)])
     assert "Reaching against a spring" in file.read_text("utf-8")
+
+
+def test_every_kind_of_trial_has_figures_in_the_report():
+    assert OTHERS.keys() == set(KINDS) - {REACH}
