@@ -10,6 +10,7 @@ thread; and the in-process loop: simulated over real time. docs/performance.md h
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import math
 import os
@@ -70,6 +71,13 @@ SECTIONS = {
 TIMING = ("p50 [us]", "p99 [us]", "p99.9 [us]", "late [%]", "lost [%]")
 FACTOR, ALL, SPENT = "x real time", "all", "processor, all [ms a tick]"
 WANTED_CALLS = 900.0
+LOOP_S = 60.0
+LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
+    "closed loop, combined law, arm": MotionTrial(
+        modes.COMBINED, VerticalSettings(), duration=LOOP_S
+    ),
+    "stage, no torque": StageTrial(0.3 / LOOP_S, 0.03, 0.33),
+}
 WANTED: dict[str, dict[str, float]] = {
     "separate 1000 Hz": {"late [%]": 0.5, "lost [%]": 0.5},
     "composed 1000 Hz": {"p99 [us]": 400.0, "late [%]": 0.05, "lost [%]": 0.05},
@@ -79,19 +87,12 @@ WANTED: dict[str, dict[str, float]] = {
     "separate, recorder": {FACTOR: 1.0},
     "composed, recorder": {FACTOR: 2.0},
     "one thread": {ALL: WANTED_CALLS},
-    "1 core": {FACTOR: 500.0},
-    "2 cores": {FACTOR: 1000.0},
+    **{f"{trial}, 1 core": {FACTOR: 500.0} for trial in LOOP_TRIALS},
+    **{f"{trial}, 2 cores": {FACTOR: 1000.0} for trial in LOOP_TRIALS},
 }
-"""Of a case: the most of a figure, of `FACTOR` the least. On two cores."""
+"""Of a case, by its title: the most of a figure, of `FACTOR` the least. On two cores."""
 SUBSCRIBED = (topics.ENDPOINT_STATE, topics.THERAPY_STATE)
 """Topics of the patient's page, see bridge/pages/static/js/patient/main.js."""
-LOOP_S = 60.0
-LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
-    "closed loop, combined law, arm": MotionTrial(
-        modes.COMBINED, VerticalSettings(), duration=LOOP_S
-    ),
-    "stage, no torque": StageTrial(0.3 / LOOP_S, 0.03, 0.33),
-}
 _SETTLE_S = 2.0
 _ENTRY_S = 10.0  # the longest wait for diagnostics
 _HEIGHT, _SPRING = 0.27, 400.0
@@ -107,14 +108,13 @@ Figures = dict[str, float]
 class Case(NamedTuple):
     """What is measured: one column of its section's table.
 
-    measure: does one run. wanted: key in `WANTED`. bare: title of the same case without a page,
-    whose runs bound its latencies and shares in place of that.
+    measure: does one run. bare: title of the same case without a page, whose runs bound its
+    latencies and shares in place of `WANTED`.
     """
 
     section: str
     title: str
     measure: Callable[[], Figures]
-    wanted: str = ""
     bare: str = ""
 
 
@@ -193,24 +193,23 @@ def cases_of(
     pool: ProcessPoolExecutor,
 ) -> list[Case]:  # fmt: skip
     """Return the cases that are asked for."""
-    cuts, cases = [cut for cut in (SEPARATE, COMPOSED) if cut in only], []
-    for cut in cuts:
-        for rate in rates:
-            title = f"{cut} {rate} Hz"
-            cases.append(Case(GRAPH, title, partial(measure, cut, rate, seconds), title))
-            if bridge:
-                beside = partial(measure, cut, rate, seconds, page=True)
-                cases.append(Case(GRAPH, f"{title}, page", beside, bare=title))
+    cases = []
+    for cut, rate in itertools.product((SEPARATE, COMPOSED), rates):
+        title, run = f"{cut} {rate} Hz", partial(measure, cut, rate, seconds)
+        if cut in only:
+            cases.append(Case(GRAPH, title, run))
+        if cut in only and bridge:
+            cases.append(Case(GRAPH, f"{title}, page", partial(run, page=True), title))
     for cut in (SEPARATE, COMPOSED) if STEPS in only else ():
         for title, recorder in ((cut, False), (f"{cut}, recorder", True)):
-            cases.append(Case(STEPS, title, partial(steps, cut, recorder, seconds), title))
+            cases.append(Case(STEPS, title, partial(steps, cut, recorder, seconds)))
     if CALLS in only:
-        cases.append(Case(CALLS, "one thread", calls_by_room, "one thread"))
+        cases.append(Case(CALLS, "one thread", calls_by_room))
     cores = len(os.sched_getaffinity(0))
     for name in LOOP_TRIALS if LOOP in only else ():
         for count in sorted({1, cores}):
-            wanted = f"{count} core{'s' if count > 1 else ''}"
-            cases.append(Case(LOOP, f"{name}, {wanted}", partial(loop, name, count, pool), wanted))
+            title = f"{name}, {count} core{'s' if count > 1 else ''}"
+            cases.append(Case(LOOP, title, partial(loop, name, count, pool)))
     return cases
 
 
@@ -341,8 +340,8 @@ def figures(begin: Counts, end: Counts) -> Figures:
     elapsed = end.seconds - begin.seconds
     found = {f"p{100 * share:g} [us]": quantile(latency, share) * 1e6
              for share in (0.5, 0.99, 0.999)}  # fmt: skip
-    found |= {"late [%]": 100.0 * late / (written + lost)}
-    found |= {"lost [%]": 100.0 * lost / (written + lost)}
+    found["late [%]"] = 100.0 * late / (written + lost)
+    found["lost [%]"] = 100.0 * lost / (written + lost)
     for name, part in (("answer", answer), ("own", own)):
         found |= {f"{name} p{100 * share:g} [us]": quantile(part, share) * 1e6
                   for share in (0.5, 0.99)}  # fmt: skip
@@ -552,7 +551,7 @@ def limit(case: Case, name: str, measured: Measured) -> float:
     if case.bare:
         bare = [run[name] for run in measured.get(case.bare, ())] if name in TIMING else []
         return max(bare, default=math.nan)
-    return WANTED.get(case.wanted, {}).get(name, math.nan)
+    return WANTED.get(case.title, {}).get(name, math.nan)
 
 
 def missed(name: str, value: float, limit: float) -> bool:

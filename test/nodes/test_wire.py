@@ -70,7 +70,8 @@ def test_force_commands(sample, values, mode, saturated):
     assert len(serialize_message(message)) == len(data)
     told = output._asdict() | sample._asdict() | {"mode": mode}
     told["feedback"] += told["carried"]
-    assert fields(message) == {name: told[name] for name in fields(message)}
+    found = fields(message)
+    assert found == {name: told[name] for name in found}
     assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force, mode)
 
 
