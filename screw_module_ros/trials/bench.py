@@ -34,7 +34,7 @@ import aiohttp
 import click
 from diagnostic_msgs.msg import DiagnosticArray
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
 from screw_module_ros import graph as topics
@@ -63,13 +63,14 @@ GRAPH = "graph"
 SECTIONS = {
     GRAPH: "By wall clock. Latencies from SYNC to the drive write; answer: from SYNC to reception "
     "of the encoder's answer (bus and device); own: from there (composed), or from reception of "
-    "the command (separate), to the drive write",
-    STEPS: "Lock step, as fast as it goes, ticks of 1 ms",
+    "the command (separate), to the drive write. Of a process: processor time, % of one core",
+    STEPS: "Lock step, as fast as it goes. Of a process: processor time [ms] and voluntary context "
+    "switches of a tick of 1 ms",
     CALLS: f"Python calls of a tick of {PERIOD_NS * 1e-6:g} ms, the whole robot in one thread",
     LOOP: "In-process loop, 2 kHz samples, substeps of 50 us",
 }
 TIMING = ("p50 [us]", "p99 [us]", "p99.9 [us]", "late [%]", "lost [%]")
-FACTOR, ALL, SPENT = "x real time", "all", "processor, all [ms a tick]"
+FACTOR, ALL, SPENT = "x real time", "all", "all [ms]"
 WANTED_CALLS = 900.0
 LOOP_S = 60.0
 LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
@@ -349,7 +350,7 @@ def figures(begin: Counts, end: Counts) -> Figures:
     if end.read:
         found["page [1/s]"] = (end.read - begin.read) / elapsed
     used = {name: end.processor[name] - before for name, before in begin.processor.items()}
-    return found | _with_sum("processor, {} [%]", used, 100.0 / elapsed)
+    return found | _with_sum("{} [%]", used, 100.0 / elapsed)
 
 
 # In lock step -------------------------------------------------------------------------------------
@@ -385,8 +386,8 @@ def steps(cut: str, recorder: bool, seconds: float) -> Figures:
     spent, slept = ({name: end[name][k] - begin[name][k] for name in begin} for k in (0, 1))
     return {
         FACTOR: factor,
-        **_with_sum("processor, {} [ms a tick]", spent, 1.0 / simulated_s),
-        **_with_sum("voluntary switches, {} [a tick]", slept, 1e-3 / simulated_s),
+        **_with_sum("{} [ms]", spent, 1.0 / simulated_s),
+        **_with_sum("{} [switches]", slept, 1e-3 / simulated_s),
     }
 
 
@@ -564,7 +565,7 @@ def table(section: str, cases: Sequence[Case], measured: Measured) -> Table | No
     shown = [case for case in cases if case.section == section and measured[case.title]]
     if not shown:
         return None
-    made = Table("figure", title=SECTIONS[section], title_justify="left")
+    made = Table(Column("figure", no_wrap=True), title=escape(SECTIONS[section]), title_justify="left")
     for case in shown:
         runs = len(measured[case.title])
         made.add_column(f"{case.title}, {runs} run{'s' if runs > 1 else ''}", justify="right")

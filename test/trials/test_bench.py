@@ -101,7 +101,7 @@ def test_processor_shares_are_of_one_core():
     begin = counts([], processor={"module": 1.0, "sim_rig": 5.0}, seconds=100.0)
     end = counts([100.0], processor={"module": 3.0, "sim_rig": 15.0}, seconds=110.0)
     found = figures(begin, end)
-    shares = [found[f"processor, {name} [%]"] for name in ("module", "sim_rig", ALL)]
+    shares = [found[f"{name} [%]"] for name in ("module", "sim_rig", ALL)]
     assert shares == pytest.approx([20.0, 100.0, 120.0])
 
 
@@ -143,8 +143,8 @@ def test_the_table_shows_median_and_range_and_says_what_was_missed():
     told = shown(GRAPH, {composed: [run(50.0), run(450.0), run(400.0)],
                          case(GRAPH, "another"): [run(50.0, encoder=0.12)]})  # fmt: skip
     assert "405 (55..455), wanted 60: MISSED" in line(told, "p99 [us]")  # upper edges of bins
-    assert "90 (90..90)" in line(told, "processor, all [%]")  # module and rig together
-    assert "12" in line(told, "processor, encoder [%]")
+    assert "90 (90..90)" in line(told, "all [%]")  # module and rig together
+    assert "12" in line(told, "encoder [%]")
     assert "3 runs" in told and "1 run " in told
     assert table(STEPS, [composed], {"composed 2000 Hz": [run()]}) is None
 
@@ -165,6 +165,7 @@ def test_lock_step_and_loop_are_judged_by_case():
     told = shown(STEPS, lock)
     assert "1.9, wanted 2: MISSED" in line(told, FACTOR) and told.count("wanted") == 2
     assert "1.5, wanted 1.6: reached" in line(told, SPENT)
+    assert "processor time [ms]" in " ".join(told.split("┏")[0].split())
     stage = "stage, no torque"
     loops = {case(LOOP, f"{stage}, 1 core"): [{FACTOR: 490.0}],
              case(LOOP, f"{stage}, 3 cores"): [{FACTOR: 1.0}]}  # fmt: skip
