@@ -565,7 +565,9 @@ def table(section: str, cases: Sequence[Case], measured: Measured) -> Table | No
     shown = [case for case in cases if case.section == section and measured[case.title]]
     if not shown:
         return None
-    made = Table(Column("figure", no_wrap=True), title=escape(SECTIONS[section]), title_justify="left")
+    made = Table(
+        Column("figure", no_wrap=True), title=escape(SECTIONS[section]), title_justify="left"
+    )
     for case in shown:
         runs = len(measured[case.title])
         made.add_column(f"{case.title}, {runs} run{'s' if runs > 1 else ''}", justify="right")
