@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 STYLE = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
+    "axes.titlelocation": "left",
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.spines.top": False,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Certificate of one module, of which the controller takes the largest force gains (thesis 7.1).
 
-`identification/certificate` writes it: the delivered impedance of every mode, the largest gains
+`identification/calibration` writes it: the delivered impedance of every mode, the largest gains
 that are stable on what the module may meet, and with which loop, filters and observer they were
 found stable, and for which version of the law. Its last line is the SHA-256 of the text before it.
 

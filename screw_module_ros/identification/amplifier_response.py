@@ -7,18 +7,18 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..settings import Setting
 from .figures import bode
 from .lab import Lab, Part
-from .results import ANALYZER, Experiment, Published, Quantity, Result, beside
+from .results import ANALYZER, Drawn, Experiment, Published, Quantity, Result, beside
 from .sampled import (
     first_order,
     fit_response,
     model_of,
-    response,
+    response_part,
     sampled_response,
+    sweep_of,
     whole_cycles,
 )
 from .trials import AnalyzerTrial, Samples
@@ -53,64 +53,53 @@ def run(lab: Lab, settings: Settings) -> Result:
     count = round(settings.per_decade * math.log10(settings.high / settings.low)) + 1
     frequencies = np.geomspace(settings.low, settings.high, count)
     trials = {
-        f"{number:03d}": _trial(float(frequency), settings)
-        for number, frequency in enumerate(frequencies)
-    }
-    parts = list(lab.record(NAME, trials, reduced).values())
-    measured = np.array([part["value"] for part in parts])
-    rate = trials["000"].rate
-
-    model = model_of(sampled_response, first_order, frequencies, rate)
+        f"{number:03d}": AnalyzerTrial(
+            frequency, settings.amplitude,
+            _SETTLE_S + whole_cycles(frequency, settings.cycles, settings.shortest),
+        )
+        for number, frequency in enumerate(frequencies.tolist())
+    }  # fmt: skip
+    measured, errors = sweep_of(lab.record(NAME, trials, reduced))
+    model = model_of(sampled_response, first_order, frequencies, _RATE)
     fit = fit_response(model, measured, _START, _LOW, _HIGH)
-    gain, pole, delay = map(float, fit.values)
-    gain_error, pole_error, delay_error = map(float, fit.errors)
     quantities = (
-        Quantity("pole", pole, pole_error, "Hz", "first-order pole"),
-        Quantity("delay", delay, delay_error, "s", "pure delay"),
-        Quantity("gain", gain, gain_error, "", f"at {settings.amplitude:g} A of command"),
+        fit.quantity(1, "pole", "Hz", "first-order pole"),
+        fit.quantity(2, "delay", "s", "pure delay"),
+        fit.quantity(0, "gain", "", f"at {settings.amplitude:g} A of command"),
         Quantity("misfit", fit.misfit, math.nan, "", "rms of model over measured, less 1"),
     )
     data = {
         "frequency": frequencies,
         "measured": measured,
-        "error": np.array([part["error"] for part in parts]),
+        "error": errors,
         "model": model(fit.values),
     }
-    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(rate), data)
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _NOTES, data)
+
+
+_RATE = AnalyzerTrial(1.0, 1.0, 1.0).rate
+_NOTES = (
+    "The dead zone, which takes the same current at any amplitude, makes the gain smaller than "
+    "1. It does not shift the phase, so pole and delay are unaffected. Thesis 4.1.2 has none.",
+    f"The analyser holds its output for one sample, {1e6 / _RATE:.3g} us, as in the model.",
+    "The standard error of a point treats the dead zone's harmonics as noise. The simulated "
+    "analyser has no noise; its agreement says nothing about a real instrument.",
+)
 
 
 def reduced(trial: AnalyzerTrial, samples: Samples) -> Part:
     """Return the response of current to command after the first 10 ms."""
-    kept = samples.time >= _SETTLE_S
-    found = response(samples.time[kept], samples.command[kept], samples.current[kept],
-                     trial.frequency)  # fmt: skip
-    return {"value": np.array(found.value), "error": np.array(found.error)}
+    return response_part(trial.frequency, samples.time, samples.command, samples.current, _SETTLE_S)
 
 
-def _trial(frequency: float, settings: Settings) -> AnalyzerTrial:
-    duration = whole_cycles(frequency, settings.cycles, settings.shortest)
-    return AnalyzerTrial(frequency, settings.amplitude, _SETTLE_S + duration)
-
-
-def _notes(rate: float) -> tuple[str, ...]:
-    return (
-        "The dead zone, which takes the same current at any amplitude, makes the gain smaller than "
-        "1. It does not shift the phase, so pole and delay are unaffected. Thesis 4.1.2 has none.",
-        f"The analyser holds its output for one sample, {1e6 / rate:.3g} us, as in the model.",
-        "The standard error of a point treats the dead zone's harmonics as noise. The simulated "
-        "analyser has no noise; its agreement says nothing about a real instrument.",
-    )
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figs 4-5 and 4-6."""
     d = result.data
     pole, delay = (THESIS[name].value for name in ("pole", "delay"))
-    rate = AnalyzerTrial(1.0, 1.0, 1.0).rate
     models = {
         f"model: {result.value('pole'):.4g} Hz, {1e6 * result.value('delay'):.3g} us": d["model"],
         f"as the thesis prints it: {pole:g} Hz, {1e6 * delay:g} us": result.value("gain")
-        * sampled_response(first_order(pole), d["frequency"], rate, delay),
+        * sampled_response(first_order(pole), d["frequency"], _RATE, delay),
     }
     measured = (d["frequency"], d["measured"])
     return {

@@ -25,17 +25,16 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from scipy import signal
 from scipy.optimize import brentq
 
-from ..figure_style import COLOURS, DESIRED
 from ..geometry import MANUS, inverse, jacobian
 from ..settings import Setting
+from .figures import COLOURS, DESIRED, panels
 from .lab import Lab
-from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
+from .results import DERIVED, NOTHING, Drawn, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import (
     EFFECTIVE_DIAMETER,
     GROOVE_AT_INNER,
@@ -151,14 +150,8 @@ def run(lab: Lab, settings: Settings) -> Result:
         "shown_bare": shown_bare,
         "shown_laden": shown_bare + settings.module_mass * np.eye(2),
     }
-    quantities = _screw(settings) + _plane(data) + _belt(chosen())
-    return Result(
-        NAME,
-        beside(THESIS, quantities, DERIVED),
-        settings._asdict(),
-        _notes(settings, data),
-        data,
-    )
+    quantities = beside(THESIS, _screw(settings) + _plane(data) + _belt(chosen()), DERIVED)
+    return Result(NAME, quantities, settings._asdict(), _notes(settings, data), data)
 
 
 def _of(name: str, value: float, unit: str, text: str) -> Quantity:
@@ -253,7 +246,6 @@ def _notes(settings: Settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     """Return the notes for the report."""
     bare, laden = data["anisotropy_bare"], data["anisotropy_laden"]
     major = data["axes_laden"][:, 1]
-    share = np.mean(major > settings.heaviest)
     return (
         "Appendix D has no geometry of its screw; this calculation uses the module's, with the "
         "effective diameter and the groove of 3.1.1. The paper does not say which side drives. Its "
@@ -267,8 +259,8 @@ def _notes(settings: Settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
         "printed figures, so their agreement proves nothing.",
         f"A module of {settings.module_mass:g} kg reduces the anisotropy to a range of "
         f"{laden.min():.2f} to {laden.max():.2f}. The major axis exceeds the allowed "
-        f"{settings.heaviest:g} kg on {share:.0%} of the workspace; its least value is "
-        f"{major.min():.2f} kg. In the far corners the arm is nearly stretched.",
+        f"{settings.heaviest:g} kg on {np.mean(major > settings.heaviest):.0%} of the workspace; "
+        f"its least value is {major.min():.2f} kg. In the far corners the arm is nearly stretched.",
         "Belt drive: the paper prints no parameters. All are chosen to reproduce the printed 3 Hz, "
         "10.6 Hz, 0.446 and 40 Hz (see back_drive.py). The only results are the bandwidth with "
         "belt damping and the absence of a resonance in the last two cases. The paper does not "
@@ -288,8 +280,7 @@ def tensor(x: float, y: float) -> np.ndarray:
     shoulder, elbow = inverse(x, y, ARM)
     back = np.linalg.inv(np.reshape(jacobian(shoulder, elbow, ARM), (2, 2)))
     across = JOINTS.coupling * math.cos(elbow - shoulder)
-    matrix = np.array([[JOINTS.shoulder, across], [across, JOINTS.elbow]])
-    return back.T @ matrix @ back
+    return back.T @ np.array([[JOINTS.shoulder, across], [across, JOINTS.elbow]]) @ back
 
 
 def grid(half_width: float, half_depth: float, count: int) -> np.ndarray:
@@ -382,7 +373,7 @@ def gain(belt: Belt, omega: np.ndarray) -> np.ndarray:
     return np.abs(signal.freqs(np.trim_zeros(coupled, "f"), whole, omega)[1])
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw the inertia ellipses at points of the workspace, seen from above."""
     data = result.data
     heaviest, module = result.settings["heaviest"], result.settings["module_mass"]
@@ -390,11 +381,10 @@ def draw(result: Result) -> dict[str, Figure]:
         ("shown_bare", COLOURS[0], "arm alone"),
         ("shown_laden", COLOURS[2], f"with the module, {module:g} kg"),
     )
-    figure = Figure(figsize=(6.4, 7.6), layout="constrained")
-    axes = figure.add_subplot()
-    for x, y in data["shown_points"]:
-        circle = 2.0 * heaviest * _KILOGRAM
-        axes.add_patch(Ellipse((x, y), circle, circle, fill=False, **_LIMIT))
+    figure, axes = panels(size=(6.4, 7.6))
+    circle = 2.0 * heaviest * _KILOGRAM
+    for place in data["shown_points"]:
+        axes.add_patch(Ellipse(tuple(place), circle, circle, fill=False, **_LIMIT))
     for name, colour, _ in kinds:
         for place, inertia in zip(data["shown_points"], data[name], strict=True):
             axes.add_patch(_ellipse(place, inertia, colour))
@@ -402,14 +392,15 @@ def draw(result: Result) -> dict[str, Figure]:
     box = ([x.min(), x.max(), x.max(), x.min(), x.min()],
            [y.min(), y.min(), y.max(), y.max(), y.min()])  # fmt: skip
     axes.plot(*box, color="#888888", linewidth=0.8)
-    handles = [Line2D([], [], color=colour, label=text) for _, colour, text in kinds]
-    handles.append(Line2D([], [], label=f"{heaviest:g} kg, the most allowed", **_LIMIT))
-    handles.append(Line2D([], [], color="#888888", linewidth=0.8, label="workspace"))
+    handles = [
+        *(Line2D([], [], color=colour, label=text) for _, colour, text in kinds),
+        Line2D([], [], label=f"{heaviest:g} kg, the most allowed", **_LIMIT),
+        Line2D([], [], color="#888888", linewidth=0.8, label="workspace"),
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    axes.set_aspect("equal")
+    axes.set(xlabel="x, to the patient's right [m]", ylabel="y, away from the patient [m]",
+             title="Appendix D, fig. 3: inertia ellipses in the plane", aspect="equal")  # fmt: skip
     axes.autoscale_view()
-    axes.set(xlabel="x, to the patient's right [m]", ylabel="y, away from the patient [m]")
-    axes.set_title("Appendix D, fig. 3: inertia ellipses in the plane", loc="left")
     return {"D-3": figure}
 
 

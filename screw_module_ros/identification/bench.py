@@ -26,7 +26,7 @@ from ..control.torque_chain import TorqueChain
 from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
-from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
+from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.instruments import CurrentSensorState, analyzed, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
 from ..plant.patient import HandPath, HumanArm, arm_force, resting
@@ -48,6 +48,7 @@ from .trials import (
     StageTrial,
     TorqueTrial,
     Trial,
+    duration_of,
 )
 from .vertical_loop import (
     COLUMNS,
@@ -57,16 +58,15 @@ from .vertical_loop import (
     LoopParams,
     LoopState,
     Transducer,
-    nothing_under_way,
     run_ticks,
 )
 
 LoopTrial = TorqueTrial | StageTrial | MotionTrial
 ZERO_S = 0.5  # over which the transducer's zero is averaged
-_SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 _CHUNK = 100_000  # ticks between two reports of progress
 _HUNG_AT = 0.25  # height at which friction holds the free handle [m]
 _SETTLE_S = 3.0  # for the spring to fade in
+_BRAKING_S = 0.05  # of a stage, beyond its way at constant speed
 
 
 class LoopSettings(NamedTuple):
@@ -101,7 +101,8 @@ class InProcessBench:
         self.world = world
         self.loop = validated(loop or LoopSettings())
         self.rate = self.loop.rate
-        self.name = f"in process, seed {seed}, {hash_of(world, self.loop)}"
+        digest = hashlib.sha256(repr((world, self.loop)).encode()).hexdigest()[:10]
+        self.name = f"in process, seed {seed}, {digest}"
         self.seed = seed
         self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
@@ -116,19 +117,22 @@ class InProcessBench:
             return analyzer_samples(self.world, trial)
         if isinstance(trial, PlanarTrial):
             return plane_samples(self.world, trial, self.seed, on_progress)
-        hand, motion = _hand_in(trial)
+        hand = _hand_in(trial)
+        motion: Any = hand.motion if hand else trial
         params = self._params(motion)
-        state = self._start(trial, params)
-        force, torque, state = self._zero(params, state)
-        params = tared(params, force, torque)
-        state = self._placed(motion, state)
+        force, torque, state = self._zero(params, self._start(trial, params))
+        t = params.transducer
+        t = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
+        params = params._replace(transducer=t)
+        state = self._placed(params, state)
         if hand:
             plant = params.plant._replace(grip=hand.grip)
             params = params._replace(plant=plant, path=hand.before)
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
-        rows, state = self._moved(length_of(trial), hand, params, state, on_progress)
+        length = duration_of(trial) + (_BRAKING_S if isinstance(trial, StageTrial) else 0.0)
+        rows, state = self._moved(length, hand, params, state, on_progress)
         force, torque, _ = self._zero(params, state)
         return samples_of(rows, params, force, torque)
 
@@ -143,8 +147,6 @@ class InProcessBench:
         if hand and hand.switched_after < until:
             until, later = hand.switched_after, params._replace(mode=hand.then_mode)
         rows, state = self._ticks(params, state, until, on_progress)
-        if until == length:
-            return rows, state
         changed, state = self._ticks(later, state, length - until, on_progress)
         return np.concatenate((rows, changed)), state
 
@@ -160,6 +162,7 @@ class InProcessBench:
     def _params(self, trial: LoopTrial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
+        own = sensor_params(w.sensor, self.seed)
         if isinstance(trial, MotionTrial) and trial.changed:
             w = changed_later(w, trial.changed)
         if isinstance(trial, MotionTrial) and trial.preloaded:
@@ -181,7 +184,10 @@ class InProcessBench:
             lead=w.vertical.lead,
             amplifier=w.amplifier,
             sensor=current_sensor_params(substep),
-            transducer=self._transducer(),
+            transducer=Transducer(
+                own.force_noise, own.torque_noise, own.bias[2], own.bias[5], own.drift[2],
+                own.drift[5], own.drift_time, loop.force_counts, loop.torque_counts,
+            ),
             chain=TorqueChain(
                 CommandLimits(loop.command_up, loop.command_down), rated_torque=loop.rated_torque
             ),
@@ -206,24 +212,17 @@ class InProcessBench:
         )
         return asked_for(quiet, trial, self._thesis)
 
-    def _transducer(self) -> Transducer:
-        own = sensor_params(self.world.sensor, self.seed)
-        return Transducer(
-            own.force_noise, own.torque_noise, own.bias[2], own.bias[5], own.drift[2], own.drift[5],
-            own.drift_time, self.loop.force_counts, self.loop.torque_counts,
-        )  # fmt: skip
-
     def _start(self, trial: Trial, params: LoopParams) -> LoopState:
         """Return the state after power-on, with the handle held by friction.
 
         Every trial has its own noise, which is the same in each repetition.
         """
         noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
-        law = packed(initial_state(params.law))
+        law, nothing = packed(initial_state(params.law)), np.zeros(params.late // params.steps + 1)
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
-            0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0,
-            nothing_under_way(params.late, params.steps), CurrentSensorState(), 0.0, *noise,
+            0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0, nothing, CurrentSensorState(),
+            0.0, *noise,
         )  # fmt: skip
 
     def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
@@ -237,17 +236,13 @@ class InProcessBench:
         calm = rows[len(rows) // 2 :]  # filters and currents settle in the first half
         return float(calm[:, 2].mean()), float(calm[:, 3].mean()), state
 
-    def _placed(self, trial: Trial, state: LoopState) -> LoopState:
-        """Return the state with the handle at rest at the trial's start."""
-        position = {StageTrial: "start", MotionTrial: "centre"}.get(type(trial))
-        module = state.module
-        height = _HUNG_AT
-        if position:
-            height = float(getattr(trial, position))
-            upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
-            module = resting_state(self.world.vertical, height, upright)
-        shown = counted(height, self.world.vertical.lead)
-        return state._replace(ticks=0, module=module, motion=velocity_settled(shown))
+    def _placed(self, params: LoopParams, state: LoopState) -> LoopState:
+        """Return the state with the handle at rest where the trial begins."""
+        vertical = self.world.vertical
+        if params.fixture != LOCKED_ROTOR:
+            state = state._replace(module=resting_state(vertical, params.centre, params.upright))
+        shown = counts_to_height(math.floor(params.centre / vertical.lead * COUNTS_PER_TURN))
+        return state._replace(ticks=0, motion=velocity_settled(shown))
 
     def _ticks(
         self,
@@ -269,11 +264,6 @@ def _bench_of_process(world: WorldSettings, loop: LoopSettings, seed: int) -> In
     return InProcessBench(world, loop, seed)
 
 
-def hash_of(*settings: tuple) -> str:
-    """Return a short digest of settings, which identifies a module or loop."""
-    return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
-
-
 def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> LoopParams:
     """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
     if isinstance(trial, TorqueTrial):
@@ -287,6 +277,7 @@ def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> Loo
     if isinstance(trial, StageTrial):
         return quiet._replace(
             fixture=STAGE,
+            centre=float(trial.start),
             upright=-1.0 if trial.upside_down else 1.0,
             stage_speed=abs(float(trial.speed)),
             stage_target=float(trial.end),
@@ -301,43 +292,19 @@ def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> Loo
         centre=float(trial.centre),
         path=resting(float(trial.centre)),
         side_force=float(trial.side_force),
-        side_omega=_SIDE_OMEGA,
     )
 
 
-def _hand_in(
-    trial: TorqueTrial | StageTrial | MotionTrial | HandTrial,
-) -> tuple[HandTrial | None, TorqueTrial | StageTrial | MotionTrial]:
-    """Return what the hand does in a trial, None where there is none, and the trial itself."""
+def _hand_in(trial: Trial) -> HandTrial | None:
+    """Return what the hand does in a trial, None where there is none."""
     if isinstance(trial, HandTrial):
-        return trial, trial.motion
-    return (_hand_of(trial) if isinstance(trial, MotionTrial) else None), trial
-
-
-def _hand_of(trial: MotionTrial) -> HandTrial:
+        return trial
+    if not isinstance(trial, MotionTrial):
+        return None
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
     path = HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
     return HandTrial(trial, resting(c), path)
-
-
-def length_of(trial: Trial) -> float:
-    """Return the duration of the samples [s], with a stage's acceleration and braking."""
-    if isinstance(trial, StageTrial):
-        return abs(trial.end - trial.start) / abs(trial.speed) + 0.05
-    return trial.duration
-
-
-def counted(height: float, lead: float = SCREW.lead) -> float:
-    """Return what the encoder shows at a height [m], on a screw with this lead [m]."""
-    return counts_to_height(math.floor(height / lead * COUNTS_PER_TURN))
-
-
-def tared(params: LoopParams, force: float, torque: float) -> LoopParams:
-    """Return the parameters with this force [N] and torque [Nm] as the transducer's zero."""
-    t = params.transducer
-    tared = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
-    return params._replace(transducer=tared)
 
 
 def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:

@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the module's calibration file, which controller and amplifier load, from the results."""
+"""Writes the files of a module from the results: its calibration and its certificate.
+
+Controller and amplifier load the calibration. The certificate lists the delivered impedance at the
+handle and the margins of the gains; `delivered_impedance` writes it.
+"""
 
 from __future__ import annotations
 
+import math
 from datetime import datetime, timezone
-from typing import Annotated, NamedTuple
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as version_of
+from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+import yaml
+
+from ..calibration.certificate import FORMAT, Conditions, law_version, text_checksum
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
-from ..settings import Setting
-from . import friction_model, gravity, inertia, static_torque
-from .certificate import own_serial, software
-from .lab import Lab
+from ..control.vertical_settings import VerticalSettings
+from ..files import replace
+from ..settings import Setting, fields
+from ..settings_file import VERSION
+from . import friction_model, gravity, inertia, stability, static_torque
+from .lab import Lab, MissingResult
 from .results import NOTHING, Experiment, Quantity, Result, no_figures
+from .trials import RELEASE
 
 NAME = "calibration"
 FILE = "module_calibration.yaml"
@@ -45,7 +59,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         path,
         ModuleCalibration(
             serial=own_serial(lab, settings.serial),
-            date=datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            date=_now(),
             software=software(),
             friction=friction_model.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
@@ -66,3 +80,154 @@ EXPERIMENT = Experiment(
     NAME, "writes the module's calibration file, which controller and amplifier load, from results",
     Settings, run, no_figures, NOTHING, ("static_torque", "gravity", "friction_model", "inertia"),
 )  # fmt: skip
+
+
+# The certificate -----------------------------------------------------------------------
+
+CERTIFICATE = "module_certificate.yaml"
+_MET = ("hand", "heavy_arm", "wall")
+"""Environments of `stability` on which a permitted gain is stable. On a light mass against a wall
+and in a soft grip hardly any is; there the guard ends the oscillation."""
+_SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
+_SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
+
+
+def write(lab: Lab, result: Result, serial: str) -> None:
+    """Write the certificate into the lab's folder, with gains if `stability` has a result.
+
+    result: of `delivered_impedance`; serial: of the module. The checksum covers the text before
+    it. Raises OSError.
+    """
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "serial": serial,
+        "date": _now(),
+        "software": software(),
+        "law": law_version(),
+        "bench": lab.bench.name,
+        "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
+        "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
+    }
+    content |= _gains(lab)
+    text = _yaml(content)
+    text += _yaml({"sha256": text_checksum(text)})
+    replace(lab.folder / CERTIFICATE, text)
+
+
+def _now() -> str:
+    return datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def own_serial(lab: Lab, serial: str) -> str:
+    """Return the serial number for a file about the module on the lab's bench.
+
+    Raises ValueError for a simulated module's number on hardware, and for another one than the
+    controller has.
+    """
+    if lab.bench.serial not in ("", serial):
+        raise ValueError(
+            f"serial: {serial} is not the module_serial of impedance_controller: name "
+            f"{lab.bench.serial}, or start the controller with the number of the module"
+        )
+    if RELEASE not in lab.bench.offers and serial.startswith(_SIMULATED):
+        raise ValueError(
+            f"serial: {serial} is a simulated module's: name that of this one, with settings such "
+            "as {serial: ARM-0007}"
+        )
+    return serial
+
+
+def _delivered(q: Quantity) -> dict[str, Any]:
+    found = {"value": round(q.value, 6), "unit": q.unit, "what": q.text}
+    if math.isfinite(q.uncertainty):
+        found["uncertainty"] = round(q.uncertainty, 6)
+    return found
+
+
+def _over_frequency(result: Result) -> dict[str, Any]:
+    """Return resistance and apparent mass over the frequency, by mode."""
+    if "frequencies" not in result.data:
+        return {}
+    frequencies, omega = result.data["frequencies"], 2.0 * np.pi * result.data["frequencies"]
+    stiffness, table = result.settings["stiffness"], {}
+    for name in (key[11:] for key in result.data if key.startswith("resistance_")):
+        mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
+        rows = {"resistance_Ns_m": result.data[f"resistance_{name}"], "apparent_mass_kg": mass}
+        table[name] = {
+            row: [round(float(v), 4) if np.isfinite(v) else None for v in values]
+            for row, values in rows.items()
+        }
+    what = (
+        "Re Z, and Im Z without the commanded spring as a mass. Where Re Z is negative the handle "
+        "gives energy to what it touches. Compensated friction is taken from this margin."
+    )
+    return {
+        "impedance_over_frequency": {
+            "frequencies_Hz": [float(f) for f in frequencies], "modes": table, "what": what,
+        }
+    }  # fmt: skip
+
+
+def software() -> str:
+    """Return the version of this package, "unknown" where it is not installed."""
+    try:
+        return version_of("screw_module_ros")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _gains(lab: Lab) -> dict[str, Any]:
+    """Return largest stable gains with margins over the defaults, permitted gains and conditions.
+
+    Raises MissingResult if the gains are of another version of the law or of other masses, or kept
+    no conditions.
+    """
+    if not (lab.folder / f"{stability.NAME}.yaml").exists():
+        return {}
+    gains = lab.result(stability.NAME)
+    if (version := gains.settings.get("law_version")) != law_version():
+        raise MissingResult(
+            f"the gains of {stability.NAME} were found for version {version} of the law, now it "
+            f"is {law_version()}: run {stability.NAME} again"
+        )
+    if gains.settings["masses"] == stability.NOMINAL:
+        raise MissingResult(
+            f"the gains of {stability.NAME} were found with the masses of its settings, not with "
+            "this module's: run gravity and inertia, then stability again"
+        )
+    if missing := set(Conditions._fields) - set(gains.settings):
+        raise MissingResult(
+            f"the result of {stability.NAME} does not say with which {min(missing)} its gains were "
+            f"found, an older version wrote it: run {stability.NAME} again"
+        )
+    usual, ranges = VerticalSettings(), fields(VerticalSettings)
+    found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
+    stable = {law: min(found[f"{law}_{met}"].value for met in _MET) for law in _SETTINGS}
+    return {
+        "largest_gains": {
+            name: {
+                "gain": _rounded(q.value),
+                "uncertainty": _rounded(q.uncertainty),
+                "margin": _rounded(q.value / getattr(usual, _SETTINGS[name.split("_")[0]])),
+                "what": q.text,
+            }
+            for name, q in found.items()
+        },
+        # The smallest stable gain, rounded down, within the range of its setting.
+        "permitted_gains": {
+            name: math.floor(100.0 * min(stable[law], ranges[name].setting.high)) / 100.0
+            for law, name in _SETTINGS.items()
+        },
+        # To the last bit: the controller compares them.
+        "conditions": {name: gains.settings[name] for name in Conditions._fields},
+    }
+
+
+def _rounded(value: float) -> float | None:
+    """Return a value for the file, nothing for one that is infinite or unknown."""
+    return round(value, 2) if math.isfinite(value) else None
+
+
+def _yaml(content: dict[str, Any]) -> str:
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

@@ -14,17 +14,15 @@ from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import linalg, signal
 from scipy.optimize import brentq
 
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
 from . import screw_geometry
-from .figures import axes_for
+from .figures import COLOURS, DESIRED, axes_for, decibels, panels
 from .lab import Lab
-from .results import DERIVED, NOTHING, Experiment, Published, Quantity, Result, beside
+from .results import DERIVED, NOTHING, Drawn, Experiment, Published, Quantity, Result, beside
 from .screw_geometry import DESCRIPTIONS, GROOVED, LEAD, NAMES, Bar, candidates
 
 NAME = "compliant_mounting"
@@ -81,10 +79,8 @@ Profile = tuple[np.ndarray, np.ndarray]
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Evaluate the three cases. Raises ValueError if no l1 gives the wanted frequency."""
-    screws = candidates(settings.inertia_across, settings.density)
-    z = positions(settings)
+    screws, z = candidates(settings.inertia_across, settings.density), positions(settings)
     free = [case1(screw, z, settings) for screw in screws.values()]
-    grounded = [case2(screw, z, settings) for screw in screws.values()]
     systems = {name: absorber(screw, settings) for name, screw in screws.items()}
     omega = np.geomspace(1e2, 2e4, 4000)
     data = {
@@ -92,12 +88,15 @@ def run(lab: Lab, settings: Settings) -> Result:
         "screws": np.array(list(screws)),
         "case1_inertia": np.array([inertia for inertia, _ in free]),
         "case1_frequency": np.array([frequency for _, frequency in free]),
-        "case2_frequency": np.array([frequency for _, frequency in grounded]),
+        "case2_frequency": np.array([
+            profile(screw, z, settings.case2_top, settings.case2_bottom)[1]
+            for screw in screws.values()
+        ]),
         "omega": omega,
         "case3_response": response(systems[settings.screw], omega),
         "case3_resonances": np.array([resonances(s) for s in systems.values()]),
-        "case3_antiresonance": np.array([antiresonance(s) for s in systems.values()]),
-    }
+        "case3_antiresonance": np.array([_oscillating(_zeros(s))[0] for s in systems.values()]),
+    }  # fmt: skip
     half_length = half_length_for(settings)
     return Result(
         NAME,
@@ -127,8 +126,7 @@ def absorber(screw: Bar, settings: Settings) -> signal.StateSpace:
     balance of both masses, without damping as in the thesis. Eq A.3 in our text lacks a square in
     its first and b1 in its second element, and its inertia is that about the nut only at z = 0.
     """
-    up = screw.half_length - settings.case3_nut
-    down = screw.half_length + settings.case3_nut
+    up, down = screw.half_length - settings.case3_nut, screw.half_length + settings.case3_nut
     inertia, mass = _across(screw) + screw.mass * settings.case3_nut**2, settings.top_mass
     a = [
         [0.0, 0.0, -up / inertia, -down / inertia, 0.0],
@@ -144,11 +142,6 @@ def absorber(screw: Bar, settings: Settings) -> signal.StateSpace:
 def resonances(system: signal.StateSpace) -> np.ndarray:
     """Return the natural frequencies of a system's oscillating poles, ascending [rad/s]."""
     return _oscillating(linalg.eigvals(system.A))
-
-
-def antiresonance(system: signal.StateSpace) -> float:
-    """Return the frequency of its oscillating zero [rad/s]."""
-    return float(_oscillating(_zeros(system))[0])
 
 
 def response(system: signal.StateSpace, omega: np.ndarray) -> np.ndarray:
@@ -186,16 +179,11 @@ def positions(settings: Settings) -> np.ndarray:
 
 
 def case1(screw: Bar, z: np.ndarray, settings: Settings) -> Profile:
-    """Motor and flange move with the screw; z [m]."""
+    """Return the profile of case 1: motor and flange move with the screw; z [m]."""
     return profile(
         screw, z, settings.case1_top, settings.case1_bottom, settings.top_mass,
         settings.top_distance,
     )  # fmt: skip
-
-
-def case2(screw: Bar, z: np.ndarray, settings: Settings) -> Profile:
-    """Motor and flange are grounded; z [m]."""
-    return profile(screw, z, settings.case2_top, settings.case2_bottom)
 
 
 def _across(screw: Bar) -> float:
@@ -206,9 +194,7 @@ def _across(screw: Bar) -> float:
 def _zeros(system: signal.StateSpace) -> np.ndarray:
     """Return the zeros of a system with one input and one output [rad/s]."""
     pencil = np.block([[system.A, system.B], [system.C, system.D]])
-    states = np.zeros_like(pencil)
-    states[: len(system.A), : len(system.A)] = np.eye(len(system.A))
-    values = linalg.eigvals(pencil, states)
+    values = linalg.eigvals(pencil, linalg.block_diag(np.eye(len(system.A)), 0.0))
     return values[np.isfinite(values)]
 
 
@@ -225,7 +211,7 @@ def _quantities(
 
     Uncertainties are the spread (one standard deviation) over the candidates for the screw.
     """
-    names = list(screws)
+    names, bars = list(screws), screws.values()
     at = names.index(settings.screw)
     z, inertia = data["nut"], data["case1_inertia"]
     first, second = data["case1_frequency"], data["case2_frequency"]
@@ -236,9 +222,8 @@ def _quantities(
         values = np.asarray(values, float)
         return Quantity(name, float(values[at]), float(values.std(ddof=1)), unit, text)
 
-    bars = screws.values()
     softest = settings.case2_top * (settings.wanted / second.min(1)) ** 2
-    fixed = (
+    return (
         of("screw_mass", [bar.mass for bar in bars], "kg", "mass of the screw, derived"),
         of("screw_length", [bar.length for bar in bars], "m", "length of the screw, derived"),
         of("half_length", [bar.half_length for bar in bars], "m",
@@ -271,12 +256,12 @@ def _quantities(
                  "printed)"),
         of("case3_resonance_low", low, "rad/s", "case 3, peak below the dip (fig A-7)"),
         of("case3_resonance_high", high, "rad/s", "case 3, peak above the dip (fig A-7)"),
-    )  # fmt: skip
-    return fixed + tuple(
-        Quantity(f"{case}_frequency_least_{name}", float(values[number]), math.nan, "Hz",
-                 f"{case[:-1]} {case[-1]}, least natural frequency, {DESCRIPTIONS[name]}")
-        for case, values in (("case1", least), ("case2", second.min(1)))
-        for number, name in enumerate(names)
+        *(
+            Quantity(f"{case}_frequency_least_{name}", float(values[number]), math.nan, "Hz",
+                     f"{case[:-1]} {case[-1]}, least natural frequency, {DESCRIPTIONS[name]}")
+            for case, values in (("case1", least), ("case2", second.min(1)))
+            for number, name in enumerate(names)
+        ),
     )  # fmt: skip
 
 
@@ -317,7 +302,7 @@ def _notes(
     )
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return the figures of `compliant_mounting` by their number in the thesis."""
     return {
         "A-2": _over_nut(result, "case1_inertia", "moment of inertia about the nut [kg m²]",
@@ -336,20 +321,16 @@ def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
     Frequencies with one line per candidate for the screw; the inertias can hardly be distinguished.
     """
     figure, axes = axes_for("nut above the centre of the screw [m]", label, title)
-    taken = result.settings["screw"]
+    over = name.endswith("frequency")
     for number, screw in enumerate(result.data["screws"]):
-        main = screw == taken
-        if not main and not name.endswith("frequency"):
-            continue
-        axes.plot(
-            result.data["nut"],
-            result.data[name][number],
-            color=COLOURS[number],
-            linewidth=2.2 if main else 0.9,
-            linestyle="-" if main else "--",
-            label="screw " + _CANDIDATES[str(screw)] + (" (taken)" if main else ""),
-        )
-    if name.endswith("frequency"):
+        main = screw == result.settings["screw"]
+        if main or over:
+            axes.plot(
+                result.data["nut"], result.data[name][number], color=COLOURS[number],
+                linewidth=2.2 if main else 0.9, linestyle="-" if main else "--",
+                label="screw " + _CANDIDATES[str(screw)] + (" (taken)" if main else ""),
+            )  # fmt: skip
+    if over:
         wanted = result.settings["wanted"]
         axes.axhline(wanted, label=f"wanted: {wanted:g} Hz", **_LIMIT)
     else:
@@ -362,32 +343,24 @@ def _absorber(result: Result) -> Figure:
     """Draw magnitude and phase of velocity over torque with the tuned vibration absorber."""
     omega, response = result.data["omega"], result.data["case3_response"]
     at = list(result.data["screws"]).index(result.settings["screw"])
-    dip = float(result.data["case3_antiresonance"][at])
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    upper.semilogx(omega, 20.0 * np.log10(np.abs(response)), color=COLOURS[0])
+    dip, (low, high) = result.data["case3_antiresonance"][at], result.data["case3_resonances"][at]
+    figure, (upper, lower) = panels(2, 1, (7.2, 5.4), sharex=True)
+    upper.semilogx(omega, decibels(response), color=COLOURS[0])
     lower.semilogx(omega, np.degrees(np.angle(response)), color=COLOURS[0])
     for axes in (upper, lower):
         axes.axvline(dip, **_LIMIT)
-    low, high = map(float, result.data["case3_resonances"][at])
-    _mark(upper, dip, f"dip {dip:.0f} rad/s", height=0.02, side="left")
-    _mark(upper, low, f"peak {low:.0f} rad/s", height=0.9, side="right")
-    _mark(upper, high, f"peak {high:.0f} rad/s", height=0.9, side="left")
-    upper.set_ylim(-70.0, 40.0)
-    upper.set_ylabel("magnitude [dB re 1 rad/s per Nm]")
-    lower.set_ylabel("phase [°]")
-    lower.set_yticks([-90, -45, 0, 45, 90])
-    lower.set_xlabel("frequency [rad/s]")
-    upper.set_title("Fig. A-7: tuned vibration absorber, velocity over torque", loc="left")
+    for at, text, height, side in (
+        (dip, "dip", 0.02, "left"), (low, "peak", 0.9, "right"), (high, "peak", 0.9, "left"),
+    ):  # fmt: skip
+        upper.annotate(
+            f"{text} {at:.0f} rad/s", (at, height), xycoords=upper.get_xaxis_transform(),
+            fontsize=9, ha=side, xytext=(6 if side == "left" else -6, 0),
+            textcoords="offset points",
+        )  # fmt: skip
+    upper.set(ylim=(-70.0, 40.0), ylabel="magnitude [dB re 1 rad/s per Nm]",
+              title="Fig. A-7: tuned vibration absorber, velocity over torque")  # fmt: skip
+    lower.set(xlabel="frequency [rad/s]", ylabel="phase [°]", yticks=[-90, -45, 0, 45, 90])
     return figure
-
-
-def _mark(axes: Axes, omega: float, text: str, height: float, side: str) -> None:
-    """Label a frequency; side: of the text that touches it."""
-    axes.annotate(
-        text, (omega, height), xycoords=axes.get_xaxis_transform(), fontsize=9, ha=side,
-        xytext=(6 if side == "left" else -6, 0), textcoords="offset points",
-    )  # fmt: skip
 
 
 EXPERIMENT = Experiment(

@@ -7,12 +7,11 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..settings import Setting
 from .figures import bode
 from .lab import Lab
-from .results import LOCKED_ROTOR, Experiment, Published, Quantity, Result, beside
+from .results import LOCKED_ROTOR, Drawn, Experiment, Published, Quantity, Result, beside
 from .sampled import (
     current_part,
     current_sensor,
@@ -67,26 +66,26 @@ def run(lab: Lab, settings: Settings) -> Result:
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
     trials = torque_sweep(frequencies, trial, settings.cycles, "current")
     values, errors = sweep_of(lab.record(NAME, trials, current_part))
-    amplifier = known_amplifier(lab, settings.pole, settings.delay)
-    chain = series(first_order(amplifier.pole), current_sensor())
+    pole, late, source = known_amplifier(lab, settings.pole, settings.delay)
+    chain = series(first_order(pole), current_sensor())
     per_ampere = settings.torque_constant / chain.gain  # V/Nm to amperes seen per ampere commanded
     measured = values * per_ampere
     chain = chain._replace(gain=1.0)
     exact, drawn = (
-        model_of(kind, lambda: chain, frequencies, lab.rate, amplifier.delay)
+        model_of(kind, lambda: chain, frequencies, lab.rate, late)
         for kind in (sampled_response, held_twice_response)
     )
     fit = fit_response(exact, measured, (1.0, 2e-4), (0.1, 0.0), (10.0, 4.0 / lab.rate))
     other = fit_response(drawn, measured, (1.0, 2e-4), (0.1, -1e-3), (10.0, 4.0 / lab.rate))
-    gain, delay = map(float, fit.values)
-    half = 0.5 / lab.rate
     quantities = (
-        Quantity("delay", delay, float(fit.errors[1]), "s",
-                 "software delay, from a sample to the command that answers it"),
-        Quantity("gain", gain, float(fit.errors[0]), "", "current per commanded current"),
+        fit.quantity(1, "delay", "s",
+                     "software delay, from a sample to the command that answers it"),
+        fit.quantity(0, "gain", "", "current per commanded current"),
         Quantity("misfit", fit.misfit, math.nan, "", "rms of model over measured, less 1"),
-        Quantity("delay_two_holds", float(other.values[1]), float(other.errors[1]), "s",
-                 "software delay if the A/D card is drawn as a hold, as in the thesis's fig C-1"),
+        other.quantity(
+            1, "delay_two_holds", "s",
+            "software delay if the A/D card is drawn as a hold, as in the thesis's fig C-1",
+        ),
         Quantity("misfit_two_holds", other.misfit, math.nan, "", "rms with that model"),
     )  # fmt: skip
     data = {
@@ -94,20 +93,21 @@ def run(lab: Lab, settings: Settings) -> Result:
         "measured": measured,
         "error": errors * abs(per_ampere),
         "model": exact(fit.values),
-        "model_no_delay": exact(np.array([gain, 0.0])),
+        "model_no_delay": exact(np.array([fit.values[0], 0.0])),
     }
     notes = (
-        amplifier.note,
+        source,
         "The model is exact for held commands and instantaneous samples. With a second hold for "
-        f"the A/D card (fig C-1) it lags {1e6 * half:.0f} us more, and the fitted delay is shorter "
-        "by the same time. The thesis's 150 us here and 400 us from the torque differ by as much.",
+        f"the A/D card (fig C-1) it lags {0.5e6 / lab.rate:.0f} us more, and the fitted delay is "
+        "shorter by the same time. The thesis's 150 us here and 400 us from the torque differ by "
+        "as much.",
         "The simulated current has neither noise nor 60 Hz hum: no band-stop filter is used, and "
         "the standard errors are smaller than in a laboratory.",
     )
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, data)
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figs 4-7 and 4-8."""
     d = result.data
     models = {

@@ -14,17 +14,15 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
-from . import certificate, force_error
-from .figures import error_map
+from . import calibration, force_error
+from .figures import COLOURS, DESIRED, error_map, panels
 from .force_error import with_damping
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Quantity, Result
+from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .stability import law_of
 from .trials import TRUTH, Arm, MotionTrial, Samples
 
@@ -58,27 +56,26 @@ def run(lab: Lab, settings: Settings) -> Result:
     Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. The trials at rest
     need the true force of a simulated module. Raises ValueError, Cancelled, NotPossible.
     """
-    serial = certificate.own_serial(lab, settings.serial)
+    serial = calibration.own_serial(lab, settings.serial)
     usual = law_of(lab)._replace(stiffness=settings.stiffness)
-    names = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
     trials = {
         f"{name}_{frequency:g}": _trial(settings, usual, mode, frequency)
-        for mode, name in names.items()
+        for mode, name in _NAMES.items()
         for frequency in settings.frequencies
     }
     parts = lab.record(NAME, trials, reduced)
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
     notes = list(_NOTES)
-    for mode, name in names.items():
+    for name in _NAMES.values():
         found = np.array(
             [complex(parts[f"{name}_{f:g}"]["impedance"]) for f in settings.frequencies]
         )
         data[f"resistance_{name}"], data[f"reactance_{name}"] = found.real, found.imag
         frequencies, found, note = _followed(name, data["frequencies"], found)
         notes += note
-        quantities += _fitted(name, frequencies, found, settings.stiffness)
-        quantities.append(_friction(settings, usual, mode, frequencies, found))
+        slowest = trials[f"{name}_{frequencies.min():g}"]
+        quantities += _fitted(slowest, settings.stiffness, name, frequencies, found)
         if (negative := frequencies[found.real < 0.0]).size:
             hertz = ", ".join(f"{f:g}" for f in negative)
             notes.append(f"In {name} the resistance is negative at {hertz} Hz: not passive there.")
@@ -87,10 +84,13 @@ def run(lab: Lab, settings: Settings) -> Result:
     if unsure:
         notes.append(f"Not determined, left out: {', '.join(unsure)}.")
     if TRUTH in lab.bench.offers:
-        quantities += _at_rest(lab, usual, names)
+        quantities += _at_rest(lab, usual)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
-    certificate.write(lab, result, serial)
+    calibration.write(lab, result, serial)
     return result
+
+
+_NAMES = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
 _NOTES = (
     "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
     "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "
@@ -126,35 +126,29 @@ def _trial(
     omega = 2.0 * math.pi * frequency
     return MotionTrial(
         mode, with_damping(usual, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
-        amplitude=_amplitude(settings, frequency), omega=omega,
+        amplitude=min(0.04, settings.speed / omega, settings.acceleration / omega**2), omega=omega,
         duration=(2 + _CYCLES) / frequency + 0.5,
     )  # fmt: skip
 
 
-def _amplitude(settings: Settings, frequency: float) -> float:
-    """Return the amplitude of the hand's sine [m]."""
-    omega = 2.0 * math.pi * frequency
-    return min(0.04, settings.speed / omega, settings.acceleration / omega**2)
-
-
-def _at_rest(lab: Lab, usual: VerticalSettings, names: dict[int, str]) -> list[Quantity]:
+def _at_rest(lab: Lab, usual: VerticalSettings) -> list[Quantity]:
     """Return force error and travel of the trials at rest in each mode."""
     trials = {
         force_error.name_of(mode, case): force_error.trial_of(
             case, mode, with_damping(usual, mode)
         )
-        for mode in names
+        for mode in _NAMES
         for case in RESTS.values()
     }
     parts = lab.record(NAME, trials, force_error.reduced)
     found = []
-    for name in names.values():
+    for name in _NAMES.values():
         for rest, case in RESTS.items():
-            rms, travel = (float(parts[f"{name}_{case}"][key]) for key in ("rms", "travel"))
-            text = f"{force_error.CASES[case].text}, {name}"
+            part, text = parts[f"{name}_{case}"], f"{force_error.CASES[case].text}, {name}"
             found += [
-                Quantity(f"{rest}_{name}", rms, math.nan, "N", f"rms force error, {text}"),
-                Quantity(f"{rest}_travel_{name}", travel, math.nan, "m",
+                Quantity(f"{rest}_{name}", float(part["rms"]), math.nan, "N",
+                         f"rms force error, {text}"),
+                Quantity(f"{rest}_travel_{name}", float(part["travel"]), math.nan, "m",
                          f"moves in a second, {text}"),
             ]  # fmt: skip
     return found
@@ -167,18 +161,6 @@ def friction_felt(resistance: float, damping: float, speed: float) -> float:
     force F with the sign of the velocity has the first harmonic 4 F / pi.
     """
     return math.pi / 4.0 * (resistance - damping) * speed
-
-
-def _friction(
-    settings: Settings, usual: VerticalSettings, mode: int, frequencies: np.ndarray, z: np.ndarray
-) -> Quantity:
-    slow = int(np.argmin(frequencies))
-    frequency = float(frequencies[slow])
-    speed = 2.0 * math.pi * frequency * _amplitude(settings, frequency)
-    felt = friction_felt(float(z.real[slow]), with_damping(usual, mode).damping, speed)
-    name = modes.MODE_NAMES[mode].lower()
-    return Quantity(f"friction_{name}", felt, math.nan, "N",
-                    f"friction felt at {frequency:g} Hz, {name}")  # fmt: skip
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
@@ -199,16 +181,19 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
 
 
-def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float) -> list[Quantity]:
-    """Return mass, damping and stiffness; uncertainties: half of the range over the frequencies.
+def _fitted(
+    trial: MotionTrial, stiffness: float, name: str, frequencies: np.ndarray, z: np.ndarray
+) -> list[Quantity]:
+    """Return mass, damping, stiffness, friction; uncertainties: half of the range over frequencies.
 
-    That of the stiffness is what the apparent mass takes from it.
+    That of the stiffness is what the apparent mass takes from it. trial: with the slowest sine.
     """
-    omega = 2.0 * math.pi * frequencies
+    omega, slow = 2.0 * math.pi * frequencies, int(np.argmin(frequencies))
     fast = frequencies >= _FAST
     masses = (z.imag[fast] + stiffness / omega[fast]) / omega[fast]
-    slow = int(np.argmin(frequencies))
     mass, resistance = float(np.median(masses)), z.real[~fast]
+    at, speed = f"at {frequencies[slow]:g} Hz", trial.omega * trial.amplitude
+    friction = friction_felt(float(z.real[slow]), trial.settings.damping, speed)
     return [
         Quantity(f"mass_{name}", mass, float(np.ptp(masses) / 2.0), "kg",
                  f"apparent mass above 4 Hz, {name}"),
@@ -217,44 +202,40 @@ def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float)
                  f"resistance below 4 Hz, friction included, {name}"),
         Quantity(f"stiffness_{name}", float(-z.imag[slow] * omega[slow]),
                  abs(mass) * float(omega[slow]) ** 2, "N/m",
-                 f"stiffness at {frequencies[slow]:g} Hz, inertia included, {name}"),
+                 f"stiffness {at}, inertia included, {name}"),
+        Quantity(f"friction_{name}", friction, math.nan, "N", f"friction felt {at}, {name}"),
     ]  # fmt: skip
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw the impedance at the handle over the frequency, and the errors at rest."""
-    names = [name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF]
     frequencies = result.data["frequencies"]
+    labels = {name: name.replace("_", " ") for name in _NAMES.values()}
     omega = 2.0 * np.pi * frequencies
-    stiffness = result.settings["stiffness"]
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for name, colour in zip(names, COLOURS, strict=False):
+    figure, (left, right) = panels(1, 2, (9.0, 4.2))
+    for (name, label), colour in zip(labels.items(), COLOURS, strict=False):
         line = {"marker": "o", "markersize": 3.0, "color": colour}
-        mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
-        left.plot(frequencies, result.data[f"resistance_{name}"], **line,
-                  label=name.replace("_", " "))  # fmt: skip
+        mass = (result.data[f"reactance_{name}"] + result.settings["stiffness"] / omega) / omega
+        left.plot(frequencies, result.data[f"resistance_{name}"], **line, label=label)
         right.plot(frequencies, mass, **line)
     for axes, linear in ((left, 10.0), (right, 5.0)):
-        axes.set_xscale("log")
+        axes.set(xscale="log", xlabel="frequency [Hz]")
         axes.set_yscale("symlog", linthresh=linear)
         axes.xaxis.set_major_formatter("{x:g}")
         axes.axhline(0.0, color=DESIRED, linewidth=0.8)
-        axes.set_xlabel("frequency [Hz]")
-    low, high = left.get_ylim()
-    left.set_ylim(min(low, -20.0), high)
-    left.axhspan(min(low, -20.0), 0.0, color="#f3d9d0", zorder=0,
-                 label="negative: the handle gives energy")  # fmt: skip
-    left.set_title("Resistance Re Z, friction included [Ns/m]", loc="left")
-    right.set_title("Apparent mass from Im Z, spring taken off [kg]", loc="left")
+    low = min(left.get_ylim()[0], -20.0)
+    left.set_ylim(bottom=low)
+    left.axhspan(low, 0.0, color="#f3d9d0", zorder=0, label="negative: the handle gives energy")
+    left.set_title("Resistance Re Z, friction included [Ns/m]")
+    right.set_title("Apparent mass from Im Z, spring taken off [kg]")
     figure.legend(loc="outside lower center", ncols=3)
-    figures = {"impedance": figure}
-    known = {quantity.name for quantity in result.quantities}
-    rests = [rest for rest in RESTS if f"{rest}_{names[0]}" in known]
-    if rests:
-        rms = [[result.value(f"{rest}_{name}") for rest in rests] for name in names]
-        labels = [name.replace("_", " ") for name in names]
-        figures["at rest"] = error_map(np.array(rms), labels, rests, "At rest")
+    figures, known = {"impedance": figure}, {quantity.name for quantity in result.quantities}
+    if rests := [rest for rest in RESTS if f"{rest}_{_NAMES[modes.IMPEDANCE]}" in known]:
+        rows = {
+            label: [result.value(f"{rest}_{name}") for rest in rests]
+            for name, label in labels.items()
+        }
+        figures["at rest"] = error_map(rows, rests, "At rest")
     return figures
 
 

@@ -15,13 +15,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import AutoMinorLocator, StrMethodFormatter
 from scipy.signal import freqz
 
 from ..figure_style import COLOURS, DESIRED, save
 from .force_metric import Spring, spring_force
 
-__all__ = ["axes_for", "bode", "error_map", "force_position", "path_views", "save"]
+__all__ = [
+    "COLOURS", "DESIRED", "axes_for", "bode", "error_map", "force_position", "panels", "path_views",
+    "save",
+]  # fmt: skip
 CREDIT = "S. P. Buerger, MIT 2001"
 THESIS_RATE = 2000.0  # samples per second of the thesis [1/s]
 _MOST_POINTS = 6000
@@ -46,13 +48,18 @@ class Path3D(NamedTuple):
     points: np.ndarray
 
 
+def panels(
+    rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.2, 4.2), **more: Any
+) -> tuple[Figure, Any]:
+    """Return a figure of a size [inch], and its axes as `Figure.subplots` gives them."""
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(rows, columns, **more)
+
 
 def axes_for(x: str, y: str, title: str = "") -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes, their labels and title."""
-    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    axes.set(xlabel=x, ylabel=y)
-    axes.set_title(title, loc="left")
+    figure, axes = panels()
+    axes.set(xlabel=x, ylabel=y, title=title)
     return figure, axes
 
 
@@ -73,32 +80,30 @@ def bode(
     title: str,
     frequencies: np.ndarray,
     measured: np.ndarray,
-    models: Mapping[str, np.ndarray] | None = None,
+    models: Mapping[str, np.ndarray] = {},
 ) -> Figure:
     """Draw a measured response, complex, as dots and models of it as lines; frequencies [Hz]."""
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    dots = {"marker": "o", "ls": "none", "ms": 4, "color": COLOURS[0], "label": "measured"}
-    if models:
-        dots |= {"mfc": "none", "mew": 0.9}
-    above.plot(frequencies, 20.0 * np.log10(np.abs(measured)), **dots)
-    below.plot(frequencies, phase_degrees(measured), **dots)
-    for (name, model), (colour, dash) in zip((models or {}).items(), _LINES, strict=False):
-        line = {"color": colour, "ls": dash, "label": name, "zorder": 3}
-        above.plot(frequencies, 20.0 * np.log10(np.abs(model)), **line)
-        below.plot(frequencies, phase_degrees(model), **line)
-    above.set_xscale("log")
-    above.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    above.set_title(title, loc="left")
-    above.set_ylabel("magnitude [dB]")
-    below.set_ylabel("phase [degrees]")
-    below.set_xlabel("frequency [Hz]")
+    figure, (above, below) = panels(2, 1, (7.2, 5.4), sharex=True)
+    hollow = {"mfc": "none", "mew": 0.9} if models else {}
+    for axes, part in ((above, decibels), (below, phase_degrees)):
+        axes.plot(frequencies, part(measured), "o", ms=4, color=COLOURS[0], label="measured",
+                  **hollow)  # fmt: skip
+        for (name, model), (colour, dash) in zip(models.items(), _LINES, strict=False):
+            axes.plot(frequencies, part(model), color=colour, ls=dash, label=name, zorder=3)
+    above.set(xscale="log", ylabel="magnitude [dB]", title=title)
+    above.xaxis.set_major_formatter("{x:g}")
+    below.set(xlabel="frequency [Hz]", ylabel="phase [degrees]")
     if np.ptp(above.get_ylim()) < 1.0:
         middle = float(np.mean(above.get_ylim()))
         above.set_ylim(middle - 1.0, middle + 1.0)
     if models:
         below.legend(loc="lower left")
     return figure
+
+
+def decibels(values: np.ndarray) -> np.ndarray:
+    """Return the magnitude of a complex response [dB]."""
+    return 20.0 * np.log10(np.abs(values))
 
 
 def phase_degrees(values: np.ndarray) -> np.ndarray:
@@ -113,13 +118,15 @@ def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> 
     """
     if not traces:
         raise ValueError("no traces to draw")
-    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
-    axes = figure.add_subplot()
-    for number, trace in enumerate(traces):
-        _loop(axes, trace, COLOURS[number % len(COLOURS)])
-    low = min(float(trace.position.min()) for trace in traces)
-    high = max(float(trace.position.max()) for trace in traces)
-    ends = np.array([low, high])
+    figure, axes = panels(size=(7.2, 4.8))
+    for trace, colour in zip(traces, COLOURS * len(traces), strict=False):
+        position, force = _thinned(trace.position), _thinned(trace.force)
+        axes.plot(position, force, color=colour, label=trace.name, alpha=0.9)
+        axes.plot(position[0], force[0], "o", markersize=7, markerfacecolor="none", color=colour)
+        for share in _ARROWS:
+            _arrow(axes, position, force, int(share * len(position)), colour)
+    heights = np.concatenate([trace.position for trace in traces])
+    ends = np.array([heights.min(), heights.max()])
     axes.plot(
         ends,
         spring_force(ends, spring),
@@ -131,12 +138,9 @@ def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> 
         zorder=5,
     )
     axes.axhline(0.0, color="#888888", linewidth=0.6, zorder=1)
-    axes.set_xlabel("handle height z [m]")
-    axes.set_ylabel("force of the patient on the robot, up positive [N]")
-    axes.xaxis.set_minor_locator(AutoMinorLocator())
-    axes.yaxis.set_minor_locator(AutoMinorLocator())
-    if title:
-        axes.set_title(title, loc="left")
+    axes.set(xlabel="handle height z [m]", title=title,
+             ylabel="force of the patient on the robot, up positive [N]")  # fmt: skip
+    axes.minorticks_on()
     axes.legend(loc="upper left")
     return figure
 
@@ -150,19 +154,18 @@ def path_views(
     """
     if not paths:
         raise ValueError("no paths to draw")
-    figure = Figure(figsize=(max(4.0, 3.0 * len(paths)), 5.6), layout="constrained")
     spans = np.ptp(np.concatenate([path.points for path in paths]), axis=0)
-    views = figure.subplots(
-        2, len(paths), sharex=True, sharey="row", squeeze=False,
+    figure, views = panels(
+        2, len(paths), (max(4.0, 3.0 * len(paths)), 5.6), sharex=True, sharey="row", squeeze=False,
         gridspec_kw={"height_ratios": np.maximum(spans[1:], 0.1 * spans.max())},
     )  # fmt: skip
     for (above, front), path, colour in zip(views.T, paths, COLOURS * len(paths), strict=False):
         if targets is not None:
             above.scatter(*targets.T, color=DESIRED, s=24, zorder=3, label="targets")
-        x, y, z = path.points[:: _step(len(path.points))].T
+        x, y, z = _thinned(path.points).T
         above.plot(x, y, color=colour, linewidth=0.8)
         front.plot(x, z, color=colour, linewidth=0.8)
-        above.set_title(path.name, loc="left")
+        above.set_title(path.name)
         front.set_xlabel("x, to the patient's right [m]")
         for axes in (above, front):
             axes.set_aspect("equal", adjustable="box")
@@ -175,25 +178,14 @@ def path_views(
     return figure
 
 
-def _loop(axes: Axes, trace: Trace, colour: str) -> None:
-    step = _step(len(trace.position))
-    position, force = trace.position[::step], trace.force[::step]
-    axes.plot(position, force, color=colour, label=trace.name, alpha=0.9)
-    axes.plot(position[0], force[0], marker="o", markersize=7, markerfacecolor="none", color=colour)
-    for share in _ARROWS:
-        _arrow(axes, position, force, int(share * len(position)), colour)
-
-
 def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour: str) -> None:
     """Draw an arrow head along the line at one sample, over a stretch long enough to show it."""
-    span = max(1, len(position) // 60)
-    begin, end = max(0, at - span), min(len(position) - 1, at + span)
-    if abs(position[end] - position[begin]) < 0.02 * np.ptp(position):
+    span, whole = max(1, len(position) // 60), np.ptp(position)
+    way = position[min(len(position) - 1, at + span)] - position[max(0, at - span)]
+    if abs(way) < 0.02 * whole:
         return  # at rest or at a reversal there is no direction
-    near = slice(max(0, at - span // 2), at + span // 2 + 1)
-    middle = float(np.median(force[near]))
-    direction = np.sign(position[end] - position[begin])
-    reach = 0.011 * np.ptp(position) * direction
+    middle = float(np.median(force[max(0, at - span // 2) : at + span // 2 + 1]))
+    reach = 0.011 * whole * np.sign(way)
     axes.annotate(
         "",
         xy=(position[at] + reach, middle),
@@ -202,8 +194,8 @@ def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour:
     )
 
 
-def _step(samples: int) -> int:
-    return max(1, samples // _MOST_POINTS)
+def _thinned(samples: np.ndarray) -> np.ndarray:
+    return samples[:: max(1, len(samples) // _MOST_POINTS)]
 
 
 def filter_figure(taps: np.ndarray, title: str) -> Figure:
@@ -211,25 +203,26 @@ def filter_figure(taps: np.ndarray, title: str) -> Figure:
     frequency, gain = freqz(taps, worN=8192, fs=THESIS_RATE)
     figure, axes = axes_for("frequency [Hz]", "gain", title)
     axes.plot(frequency, np.maximum(np.abs(gain), 1e-6), color=COLOURS[0])
-    axes.set_xlim(0.0, 150.0)
-    axes.set_yscale("log")
+    axes.set(xlim=(0.0, 150.0), yscale="log")
     return figure
 
 
-def error_map(table: np.ndarray, rows: Sequence[str], columns: Sequence[str], title: str) -> Figure:
-    """Draw rms errors [N], shape (rows, columns), as a map with the numbers in it."""
+def error_map(
+    rows: Mapping[str, Sequence[float]], columns: Sequence[str], title: str
+) -> Figure:
+    """Draw rows of rms errors [N] as a map with the numbers in it."""
     size = (max(5.5, 3.0 + 0.62 * len(columns)), 2.9 + 0.36 * len(rows))
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = panels(size=size)
     axes.grid(False)
+    table = np.array(list(rows.values()))
     image = axes.imshow(table, cmap="cividis_r", norm=LogNorm(0.05, 20.0, clip=True), aspect="auto")
     for (row, column), value in np.ndenumerate(table):
         axes.text(column, row, f"{value:.2g}", ha="center", va="center", fontsize=8,
                   color="white" if value > _BAD_N else "black")  # fmt: skip
-    axes.set_yticks(range(len(rows)), rows)
+    axes.set_yticks(range(len(rows)), list(rows))
     axes.set_xticks(range(len(columns)), [_case_text(name) for name in columns], rotation=55,
                     ha="right")  # fmt: skip
-    axes.set_title(title, loc="left")
+    axes.set_title(title)
     figure.colorbar(image, ax=axes, label="rms force error [N]", shrink=0.8)
     return figure
 

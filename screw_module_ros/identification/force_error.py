@@ -22,7 +22,6 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
@@ -31,15 +30,13 @@ from . import friction_model, gravity, inertia, static_torque
 from .figures import error_map
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Quantity, Result
+from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
-_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
-_WALL_MASS = 0.0  # a wall does not move
 
 
 class Case(NamedTuple):
@@ -50,25 +47,30 @@ class Case(NamedTuple):
 
 
 def wall(stiffness: float, ratio: float, mass: float = 5.5) -> Arm:
-    """Return a wall of a stiffness [N/m]; ratio: damping ratio for the module's mass [kg]."""
-    return Arm(_WALL_MASS, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
+    """Return a wall, without mass as it does not move; stiffness [N/m]; ratio: damping ratio for
+    the module's mass [kg]."""
+    return Arm(0.0, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
 
 
 def _moving(text: str, amplitude: float, omega: float, duration: float, **more: Any) -> Case:
-    trial = MotionTrial(
+    return Case(text, MotionTrial(
         modes.OFF, VerticalSettings(), amplitude=amplitude, omega=omega, duration=duration,
         side_force=SIDE_FORCE, **more,
-    )  # fmt: skip
-    return Case(text, trial)
+    ))  # fmt: skip
 
 
 def _resting(text: str, arm: Arm, **more: Any) -> Case:
-    trial = MotionTrial(
+    return Case(text, MotionTrial(
         modes.OFF, VerticalSettings(), arm=arm, amplitude=0.0, way=0.05, duration=8.0, **more
-    )
-    return Case(text, trial)
+    ))  # fmt: skip
 
 
+WALLS = {
+    f"wall_1e{power}_{word}": (f"a wall of 1e{power} N/m, {word} damped", 10.0**power, ratio)
+    for power in (3, 4, 5, 6)
+    for word, ratio in (("well", 0.7), ("badly", 0.02))
+}
+"""Text, stiffness [N/m], and damping ratio for the module's mass."""
 CASES = {
     "slow": _moving("0.15 m at 0.8 rad/s", 0.15, 0.8, 15.8),
     "fast": _moving("0.10 m at 3 rad/s", 0.10, 3.0, 8.4),
@@ -78,12 +80,7 @@ CASES = {
     "holding": _resting("a hand that holds still 0.05 m off", _HAND),
     "released": _resting("a hand that holds, and lets go", _HAND, released_after=3.0),
     "heavy_holding": _resting("an arm of 30 kg that holds still", _HEAVY),
-    **{
-        f"wall_1e{power}_{word}": _resting(f"a wall of 1e{power} N/m, {word} damped",
-                                           wall(10.0**power, ratio))
-        for power in (3, 4, 5, 6)
-        for word, ratio in (("well", _RATIO_GOOD), ("badly", _RATIO_BAD))
-    },
+    **{name: _resting(text, wall(*how)) for name, (text, *how) in WALLS.items()},
 }  # fmt: skip
 
 
@@ -109,15 +106,7 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every case in every mode. Raises Cancelled, NotPossible."""
     law = VerticalSettings(stiffness=settings.stiffness, damping=settings.damping)
-    trials, where = {}, {}
-    for mode in settings.modes:
-        for case in settings.cases:
-            name = name_of(mode, case)
-            trials[name] = trial_of(case, mode, with_damping(law, mode), settings.side_force)
-            where[name] = where_of(mode, case)
-    parts = lab.record(NAME, trials, reduced)
-    quantities, data = figures_of(parts, where)
-    return Result(NAME, quantities, settings._asdict(), _NOTES, data)
+    return _measured(lab, NAME, settings, {"": (law, "", {})}, _NOTES)
 
 
 _NOTES = (
@@ -130,30 +119,36 @@ _NOTES = (
 )
 
 
-def figures_of(parts: dict[str, Part], where: dict[str, str]) -> tuple:
-    """Return the rms of each trial as a quantity, and `ErrorOf` as arrays, by the trials' names.
+def _measured(
+    lab: Lab, experiment: str, settings: Any,
+    laws: dict[str, tuple[VerticalSettings, str, dict[str, Any]]], notes: tuple[str, ...],
+) -> Result:  # fmt: skip
+    """Measure every case in every mode with every law; data: `ErrorOf` as arrays.
 
-    where: description of each trial.
+    laws: end of a trial's name -> law, description, further fields of the trial.
     """
+    trials, where = {}, {}
+    for mode in settings.modes:
+        for case in settings.cases:
+            for end, (law, said, more) in laws.items():
+                name, own = f"{name_of(mode, case)}{end}", with_damping(law, mode)
+                trials[name] = trial_of(case, mode, own, settings.side_force, **more)
+                where[name] = f"{modes.MODE_NAMES[mode].lower()}, {CASES[case].text}{said}"
     data = {
         name: np.array(ErrorOf(**{key: float(value) for key, value in part.items()}))
-        for name, part in parts.items()
+        for name, part in lab.record(experiment, trials, reduced).items()
     }
     rms = ErrorOf._fields.index("rms")
-    return tuple(
+    quantities = tuple(
         Quantity(f"rms_{name}", float(data[name][rms]), math.nan, "N", f"rms error, {where[name]}")
-        for name in parts
-    ), data
+        for name in trials
+    )
+    return Result(experiment, quantities, settings._asdict(), notes, data)
 
 
 def name_of(mode: int, case: str) -> str:
     """Return the name of a trial of a case in a mode."""
     return f"{modes.MODE_NAMES[mode].lower()}_{case}"
-
-
-def where_of(mode: int, case: str) -> str:
-    """Return mode and case as text."""
-    return f"{modes.MODE_NAMES[mode].lower()}, {CASES[case].text}"
 
 
 def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
@@ -180,28 +175,27 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     """Return the figures of `force_metric.judged`."""
     period = samples.time[1] - samples.time[0]
     position, velocity, force = samples.felt
+    first = 3.0 if trial.way else 0.0  # a resting hand must first arrive
+    if math.isfinite(trial.released_after):
+        first = trial.released_after + 3.0
     found = judged(
         period, position - trial.centre, velocity, force, samples.share, trial.settings.stiffness,
-        trial.settings.damping, round(counted_from(trial) / period),
+        trial.settings.damping, round(first / period),
     )  # fmt: skip
     return {name: np.array(value) for name, value in found._asdict().items()}
 
 
-def counted_from(trial: MotionTrial) -> float:
-    """Return the time from which samples count [s]: a resting hand must first arrive."""
-    if math.isfinite(trial.released_after):
-        return trial.released_after + 3.0
-    return 3.0 if trial.way else 0.0
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw the rms error of every mode in every trial as a map."""
-    names = [modes.MODE_NAMES[mode].lower() for mode in result.settings["modes"]]
     cases = list(result.settings["cases"])
-    rms = [[result.value(f"rms_{name}_{case}") for case in cases] for name in names]
-    labels = [name.replace("_", " ") for name in names]
+    rows = {
+        modes.MODE_NAMES[mode].lower().replace("_", " "): [
+            result.value(f"rms_{name_of(mode, case)}") for case in cases
+        ]
+        for mode in result.settings["modes"]
+    }
     title = "Force beyond the impedance asked for, all samples"
-    return {"force error": error_map(np.array(rms), labels, cases, title)}
+    return {"force error": error_map(rows, cases, title)}
 
 
 EXPERIMENT = Experiment(
@@ -256,17 +250,11 @@ def run_changed(lab: Lab, settings: RobustnessSettings) -> Result:
         "calibrated": (own, models),
         "changed": (own, {**models, "changed": settings.change}),
     }
-    trials, where = {}, {}
-    for mode in settings.modes:
-        for case in settings.cases:
-            for state in settings.states:
-                law, more = laws[state]
-                name = f"{name_of(mode, case)}_{state}"
-                law = with_damping(law, mode)
-                trials[name] = trial_of(case, mode, law, settings.side_force, **more)
-                where[name] = f"{where_of(mode, case)}, {STATES[state]}"
-    quantities, data = figures_of(lab.record("robustness", trials, reduced), where)
-    return Result("robustness", quantities, settings._asdict(), _CHANGED, data)
+    chosen = {
+        f"_{state}": (laws[state][0], f", {STATES[state]}", laws[state][1])
+        for state in settings.states
+    }
+    return _measured(lab, "robustness", settings, chosen, _CHANGED)
 
 
 _CHANGED = (
@@ -284,7 +272,7 @@ def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
     return uncalibrated, calibrated, changed
 
 
-def draw_changed(result: Result) -> dict[str, Figure]:
+def draw_changed(result: Result) -> Drawn:
     """Draw the rms error of every mode and state in every trial as a map."""
     cases = list(result.settings["cases"])
     rows = {
@@ -295,7 +283,7 @@ def draw_changed(result: Result) -> dict[str, Figure]:
         for state in result.settings["states"]
     }
     title = "Force error without a calibration, with it, after a change"
-    return {"robustness": error_map(np.array(list(rows.values())), list(rows), cases, title)}
+    return {"robustness": error_map(rows, cases, title)}
 
 
 ROBUSTNESS = Experiment(

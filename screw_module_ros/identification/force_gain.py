@@ -15,17 +15,15 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy import signal
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
-from .figures import CREDIT
+from .figures import COLOURS, CREDIT, DESIRED, panels
 from .force_metric import Spring, offsets
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
+from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import MotionTrial, Samples
 
 NAME = "force_gain"
@@ -64,23 +62,21 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Find the onset of chatter. Raises Cancelled, NotPossible."""
     quantities: list[Quantity] = []
     data: dict[str, np.ndarray] = {}
-    nuts = (False, True) if settings.preloaded else (False,)
+    nuts = {False: "with backlash", True: "without backlash"}
     # The preloaded nut first: a bench that has none refuses it before an hour of other trials.
-    gains = list(settings.gains)
-    swept = {nut: _tried(lab, settings, nut, gains) for nut in reversed(nuts)}
-    for preloaded in nuts:
-        label = "without backlash" if preloaded else "with backlash"
-        rows = swept[preloaded]
+    swept = {
+        nut: _tried(lab, settings, nut, settings.gains) for nut in (True, False)
+        if settings.preloaded or not nut
+    }  # fmt: skip
+    for preloaded, rows in reversed(swept.items()):
         low, high = onset(rows, settings.chatter)
         while math.isfinite(high) and high - low > settings.resolution:
-            rows |= _tried(lab, settings, preloaded, [0.5 * (low + high)])
+            rows |= _tried(lab, settings, preloaded, (0.5 * (low + high),))
             low, high = onset(rows, settings.chatter)
-        half = 0.5 * (high - low) if math.isfinite(high) else math.nan
-        name = f"gain_{label.replace(' ', '_')}"
-        text = f"largest force gain without chatter, {label}"
-        quantities.append(Quantity(name, low, half, "", text))
-        table = np.array([(gain, *rows[gain]) for gain in sorted(rows)])
-        data[label] = table
+        half, label = 0.5 * (high - low) if math.isfinite(high) else math.nan, nuts[preloaded]
+        quantities.append(Quantity(f"gain_{label.replace(' ', '_')}", low, half, "",
+                                   f"largest force gain without chatter, {label}"))  # fmt: skip
+        data[label] = np.array([(gain, *rows[gain]) for gain in sorted(rows)])
     notes: tuple[str, ...] = ()
     if len(data) == 2 and not math.isfinite(quantities[1].uncertainty):
         notes = ("Without backlash no gain up to the law's own limit of 50 chattered.",)
@@ -104,17 +100,13 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
         signal.butter(4, _HIGH_PASS, "high", fs=rate, output="sos"), samples.force
     )
     settled = rapid[round(_SETTLE_S * rate) :]
-    found = offsets(
-        samples.position,
-        samples.velocity,
-        samples.force,
-        Spring(trial.settings.stiffness, trial.centre),
-    )
+    spring = Spring(trial.settings.stiffness, trial.centre)
+    found = offsets(samples.position, samples.velocity, samples.force, spring)
     return {"offset": np.array(found.mean), "rms": np.array(np.sqrt(np.mean(settled**2)))}
 
 
 def _tried(
-    lab: Lab, settings: Settings, preloaded: bool, gains: list[float]
+    lab: Lab, settings: Settings, preloaded: bool, gains: tuple[float, ...]
 ) -> dict[float, tuple[float, float]]:
     trials = {
         f"gain_{gain:g}{'_preloaded' if preloaded else ''}": MotionTrial(
@@ -138,26 +130,21 @@ def rows_of(
     }
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw chatter and offset against the force gain, with and without backlash."""
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    for number, (label, table) in enumerate(result.data.items()):
-        style = {"color": COLOURS[number], "marker": "o", "markersize": 3.5, "label": label}
-        above.plot(table[:, 0], table[:, 2], **style)
-        below.plot(table[:, 0], table[:, 1], **style)
+    figure, (above, below) = panels(2, 1, (7.2, 5.4), sharex=True)
+    for colour, (label, table) in zip(COLOURS, result.data.items(), strict=False):
+        for axes, column in ((above, 2), (below, 1)):
+            axes.plot(table[:, 0], table[:, column], color=colour, marker="o", markersize=3.5,
+                      label=label)  # fmt: skip
     above.axhline(result.settings["chatter"], color=DESIRED, linewidth=0.8, linestyle="--")
     above.annotate(
         "chatter", (0.99, result.settings["chatter"]), xycoords=("axes fraction", "data"),
         xytext=(0, 3), textcoords="offset points", ha="right", fontsize=9,
     )  # fmt: skip
-    above.set_ylabel("force above 30 Hz, rms [N]")
-    above.set_yscale("log")
-    above.set_title("Largest force gain (6.4.3)", loc="left")
+    above.set(ylabel="force above 30 Hz, rms [N]", yscale="log", title="Largest force gain (6.4.3)")
     above.legend(loc="lower right")
-    below.set_ylabel("mean offset [N]")
-    below.set_xlabel("force gain $K_f$")
-    below.set_ylim(bottom=0.0)
+    below.set(xlabel="force gain $K_f$", ylabel="mean offset [N]", ylim=(0.0, None))
     for quantity, colour in zip(result.quantities, COLOURS, strict=False):
         if quantity.thesis:
             below.axvline(quantity.thesis.value, color=colour, linestyle=":", linewidth=1.8,

@@ -23,14 +23,12 @@ from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
 from . import friction_model, gravity, static_torque
-from .figures import Trace, axes_for
-from .figures import force_position as loops
-from .force_metric import Spring, offsets
+from .figures import COLOURS, DESIRED, Trace, axes_for, force_position
+from .force_metric import Spring, offsets, spring_force
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
+from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "force_position"
@@ -126,10 +124,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     chosen = [CURVES[name] for name in settings.curves]
     trials = {curve.name: trial_of(curve, settings) for curve in chosen}
     parts = lab.record(NAME, trials, reduced)
-    quantities = [
-        _offset(curve.name, parts, f"{curve.name}, fig {curve.figure}" if curve.figure else
-                curve.name) for curve in chosen
-    ]  # fmt: skip
+    labels = [f"{c.name}, fig {c.figure}" if c.figure else c.name for c in chosen]
+    quantities = _offsets(parts, labels)
     notes = _SIMULATED if any(curve.simulated for curve in chosen) else ()
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, _drawn(parts))
 
@@ -145,10 +141,12 @@ def _drawn(parts: dict[str, Part]) -> dict[str, np.ndarray]:
     return {f"{name}/{column}": part[column] for name, part in parts.items() for column in _COLUMNS}
 
 
-def _offset(name: str, parts: dict[str, Part], label: str) -> Quantity:
-    offset, spread = (float(parts[name][key]) for key in ("offset", "spread"))
-    text = f"mean offset from the spring in motion ({label})"
-    return Quantity(f"offset_{name}", offset, spread, "N", text)
+def _offsets(parts: dict[str, Part], labels: list[str]) -> list[Quantity]:
+    return [
+        Quantity(f"offset_{name}", float(part["offset"]), float(part["spread"]), "N",
+                 f"mean offset from the spring in motion ({label})")
+        for (name, part), label in zip(parts.items(), labels, strict=True)
+    ]  # fmt: skip
 
 
 def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
@@ -169,37 +167,29 @@ def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
-    """Return every eighth sample of the curve, and the offsets from the spring over all samples.
+    """Return every eighth sample of the curve, and the offset from the spring over all samples.
 
-    Samples at which the law's force limits act (the bulge of fig 6-2) have no offset.
+    Samples at which the law's force limits act on spring and gravity (the bulge of fig 6-2) have no
+    offset. Its standard error comes from its scatter over eight parts.
     """
-    spring = Spring(trial.settings.stiffness, trial.centre)
-    free = _free(trial, samples, spring)
-    found = offsets(samples.position[free], samples.velocity[free], samples.force[free], spring)
+    law, spring = trial.settings, Spring(trial.settings.stiffness, trial.centre)
+    pull = law.gravity - spring_force(samples.position, spring)
+    free = (pull > -law.force_down) & (pull < law.force_up)
+    position, velocity, force = (
+        values[free] for values in (samples.position, samples.velocity, samples.force)
+    )
+    beyond = np.abs(force - spring_force(position, spring))
+    means = [part.mean() for part in np.array_split(beyond, 8)]
     return {
         "position": samples.position[::_EVERY],
         "velocity": samples.velocity[::_EVERY],
         "force": samples.force[::_EVERY],
-        "offset": np.array(found.mean),
-        "spread": np.array(_spread(samples.position[free], samples.force[free], spring)),
+        "offset": np.array(offsets(position, velocity, force, spring).mean),
+        "spread": np.array(np.std(means) / math.sqrt(len(means))),
     }
 
 
-def _free(trial: MotionTrial, samples: Samples, spring: Spring) -> np.ndarray:
-    """Return the mask of the samples at which spring and gravity are within the force limits."""
-    law = trial.settings
-    pull = -spring.stiffness * (samples.position - spring.centre) + law.gravity
-    return (pull > -law.force_down) & (pull < law.force_up)
-
-
-def _spread(position: np.ndarray, force: np.ndarray, spring: Spring) -> float:
-    """Return the standard error of the mean offset [N], from its scatter over eight parts."""
-    beyond = np.abs(force - spring.stiffness * (position - spring.centre))
-    parts = [part.mean() for part in np.array_split(beyond, 8)]
-    return float(np.std(parts) / math.sqrt(len(parts)))
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return the figures of the measured curves by number."""
     found = {}
     for number, (names, title) in _TITLES.items():
@@ -207,7 +197,7 @@ def draw(result: Result) -> dict[str, Figure]:
         if measured:
             spring = Spring(CURVES[measured[0]].stiffness, result.settings["centre"])
             traces = [_trace(result, name, _LABELS[name]) for name in measured]
-            found[number] = loops(traces, spring, title)
+            found[number] = force_position(traces, spring, title)
     if {"pd_100/position", "friction_model/position"} <= result.data.keys():
         found["6-9"] = _reversal(result)
     return found
@@ -271,9 +261,8 @@ def compensate(lab: Lab, settings: CompensationSettings) -> Result:
     }
     own_gravity = lab.result(gravity.NAME).value("gravity")
     trials: dict[str, MotionTrial] = {}
-    nothing: dict[str, Any] = {}
-    both = (("default", 10.0, nothing), ("identified", own_gravity, identified))
-    for model, weight, options in both:
+    both = {"default": (10.0, {}), "identified": (own_gravity, identified)}
+    for model, (weight, options) in both.items():
         law = VerticalSettings(
             stiffness=_STIFFNESS, gravity=weight, friction_fraction=settings.fraction,
             force_gain=settings.force_gain,
@@ -284,7 +273,7 @@ def compensate(lab: Lab, settings: CompensationSettings) -> Result:
         )  # fmt: skip
         trials |= {f"{name}_{model}": still._replace(mode=mode) for name, mode in _MODES.items()}
     parts = lab.record("compensation", trials, reduced)
-    quantities = [_offset(name, parts, f"{name.replace('_', ', ')} model") for name in parts]
+    quantities = _offsets(parts, [f"{name.replace('_', ', ')} model" for name in parts])
     before, after = (q for q in quantities if q.name.startswith("offset_feed_forward"))
     ratio = after.value / before.value
     error = np.hypot(before.uncertainty / before.value, after.uncertainty / after.value)
@@ -293,7 +282,7 @@ def compensate(lab: Lab, settings: CompensationSettings) -> Result:
     return Result("compensation", tuple(quantities), settings._asdict(), (), _drawn(parts))
 
 
-def draw_compensation(result: Result) -> dict[str, Figure]:
+def draw_compensation(result: Result) -> Drawn:
     """Draw feed-forward with the thesis's model and with the identified one."""
     names = {
         "pd_default": "PD",
@@ -301,8 +290,8 @@ def draw_compensation(result: Result) -> dict[str, Figure]:
         "feed_forward_identified": "identified model fed forward",
     }
     traces = [_trace(result, name, label) for name, label in names.items()]
-    return {"compensation": loops(traces, Spring(_STIFFNESS, 0.18),
-                                  "Benefit of the identified model")}  # fmt: skip
+    spring = Spring(_STIFFNESS, 0.18)
+    return {"compensation": force_position(traces, spring, "Benefit of the identified model")}
 
 
 COMPENSATION = Experiment(

@@ -18,11 +18,10 @@ from matplotlib.ticker import FixedFormatter, FixedLocator
 
 from ..calibration.module import thesis_friction
 from ..control.friction import friction_force
-from ..figure_style import COLOURS
 from ..settings import Setting
-from .figures import THESIS_RATE, axes_for, filter_figure, printed
+from .figures import COLOURS, THESIS_RATE, axes_for, filter_figure, printed
 from .lab import Lab
-from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .results import STAGE, Drawn, Experiment, Published, Quantity, Result, beside
 from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, binned, lowpass_taps, stage_run, too_near
 from .trials import DIRECTIONS, StageTrial
 
@@ -44,7 +43,6 @@ FORCE = "force of the stage on the robot [N]"
 MAGNITUDE = "force downward [N]"
 SPEED = "speed [mm/s]"
 _DOUBLE_WEIGHT = 20.0  # [N], the shift of the thesis's figures
-_PLACES = ((25.0, 50.0), (250.0, 275.0))
 _TICKS = (0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 150.0)
 _SLOW = 0.05  # fastest of fig 5-13 [m/s]
 _COMPARED = 0.005  # speed of the upside-down figures [m/s]
@@ -86,7 +84,17 @@ def run(lab: Lab, settings: Settings) -> Result:
         for key, suffix in (("force", ""), ("error", "_error"), ("count", "_count")):
             nothing = np.full(BINS, 0 if key == "count" else np.nan)
             data[name + suffix] = np.array([row[key] if row else nothing for row in rows])
-    return Result(NAME, beside(THESIS, _quantities(data)), settings._asdict(), _notes(data), data)
+    notes = [
+        "Up and down are directions on the screw, also upside down (thesis 5.2.4).",
+        "The uncertainty of a mean force includes the sensor's noise, but not its zero.",
+    ]
+    if empty := int(np.isnan(data["up"]).sum(axis=1).max()):
+        notes.append(
+            f"Up to {empty} of {BINS} bins of a run lie where the stage accelerates or brakes; "
+            "they stay empty and are not interpolated."
+        )
+    quantities = beside(THESIS, _quantities(data))
+    return Result(NAME, quantities, settings._asdict(), tuple(notes), data)
 
 
 def measured(data: dict[str, np.ndarray], name: str) -> np.ndarray:
@@ -154,8 +162,7 @@ def _trial_name(name: str, speed: float) -> str:
 def _quantities(data: dict[str, np.ndarray]) -> tuple[Quantity, ...]:
     quantities = []
     for name in MAPS:
-        there = measured(data, name)
-        if not len(there):
+        if not len(there := measured(data, name)):
             continue
         force, error = data[name][there], data[f"{name}_error"][there]
         filled = np.isfinite(force)
@@ -174,16 +181,16 @@ def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quant
     """Return the fit of friction against speed in one direction."""
     there = measured(data, name)
     speeds = data["speeds"][there]
-    lower = sign * mean_over(data, name, LOWER_HALF)[there]
-    stribeck = stribeck_velocity(speeds, lower)
+    friction = {
+        half: sign * mean_over(data, name, bins)[there]
+        for half, bins in (("lower", LOWER_HALF), ("upper", ~LOWER_HALF))
+    }
     quantities = [
-        Quantity(
-            f"stribeck_{name}", *stribeck, "m/s", f"speed of least friction, lower half, {name}"
-        )
-    ]
-    for half, bins in (("lower", LOWER_HALF), ("upper", ~LOWER_HALF)):
-        fast = speeds >= _VISCOUS_FROM
-        force = sign * mean_over(data, name, bins)[there]
+        Quantity(f"stribeck_{name}", *stribeck_velocity(speeds, friction["lower"]), "m/s",
+                 f"speed of least friction, lower half, {name}")
+    ]  # fmt: skip
+    fast = speeds >= _VISCOUS_FROM
+    for half, force in friction.items():
         if np.isfinite(force[fast]).sum() < 4:
             continue
         (slope, _), cov = np.polyfit(speeds[fast], force[fast], 1, cov=True)
@@ -196,72 +203,54 @@ def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quant
     return quantities
 
 
-def _notes(data: dict[str, np.ndarray]) -> tuple[str, ...]:
-    notes = [
-        "Up and down are directions on the screw, also upside down (thesis 5.2.4).",
-        "The uncertainty of a mean force includes the sensor's noise, but not its zero.",
-    ]
-    empty = np.isnan(data["up"]).sum(axis=1)
-    if empty.any():
-        notes.append(
-            f"Up to {int(empty.max())} of {BINS} bins of a run lie where the stage accelerates or "
-            "brakes; they stay empty and are not interpolated."
-        )
-    return tuple(notes)
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return the figures by number; those upside down only if measured."""
     data = result.data
     taps = lowpass_taps(0.025, THESIS_RATE)
-    found = {"5-9": filter_figure(taps, "Fig. 5-9: optimal low-pass for 25 mm/s")}
-    both = (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17")))
-    for direction, sign, numbers in both:
-        for number, place in zip(numbers, _PLACES, strict=True):
-            found[number] = _against_speed(data, direction, sign, place, number)
-    found["5-13"] = _all_speeds(data)
-    found["5-14"] = _surface(data)
+    found = {
+        "5-9": filter_figure(taps, "Fig. 5-9: optimal low-pass for 25 mm/s"),
+        "5-13": _all_speeds(data),
+        "5-14": _surface(data),
+    }
+    for number, (direction, sign, place) in _AGAINST.items():
+        found[number] = _against_speed(data, direction, sign, place, number)
     turned = len(measured(data, "up_inverted")) > 0
-    for number, along in _ALONG.items():
-        if turned or not any("inverted" in name for name, *_ in along.curves):
-            found[number] = _along_screw(data, along, number)
+    for number, (_, _, _, curves, _) in _ALONG.items():
+        if turned or not any("inverted" in name for name, *_ in curves):
+            found[number] = _along_screw(data, number)
     return {number: found[number] for number in sorted(found, key=lambda one: int(one[2:]))}
 
 
-class _Along(NamedTuple):
-    """A figure over height. title; label of the ordinate; speed [m/s]; curves: map, factor, shift
-    [N], label; upto: greatest height [mm]."""
-
-    title: str
-    label: str
-    speed: float
-    curves: tuple[tuple[str, float, float, str], ...]
-    upto: float = 355.0
-
-
+_AGAINST = {
+    "5-10": ("up", 1.0, (25.0, 50.0)), "5-11": ("up", 1.0, (250.0, 275.0)),
+    "5-16": ("down", -1.0, (25.0, 50.0)), "5-17": ("down", -1.0, (250.0, 275.0)),
+}  # fmt: skip
+"""Figures over speed: map, sign, and the bins' range of heights [mm]."""
 _ALONG = {
-    "5-12": _Along("upward", FORCE, 0.05, (("up", 1.0, 0.0, "up"),)),
-    "5-18": _Along("downward", FORCE, 0.05, (("down", 1.0, 0.0, "down"),)),
-    "5-19": _Along("both ways", FORCE, 0.05, (
+    "5-12": ("upward", FORCE, 0.05, (("up", 1.0, 0.0, "up"),), 355.0),
+    "5-18": ("downward", FORCE, 0.05, (("down", 1.0, 0.0, "down"),), 355.0),
+    "5-19": ("both ways", FORCE, 0.05, (
         ("up", 1.0, 0.0, "up"), ("down", -1.0, _DOUBLE_WEIGHT, "down, mirrored, 20 N added"),
-    )),
-    "5-20": _Along("plus direction", FORCE, _COMPARED, (
+    ), 355.0),
+    "5-20": ("plus direction", FORCE, _COMPARED, (
         ("up", 1.0, 0.0, "upright, against gravity"),
         ("up_inverted", 1.0, _DOUBLE_WEIGHT, "upside down, with gravity, 20 N added"),
-    )),
-    "5-21": _Along("minus direction", MAGNITUDE, _COMPARED, (
+    ), 355.0),
+    "5-21": ("minus direction", MAGNITUDE, _COMPARED, (
         ("down", -1.0, _DOUBLE_WEIGHT, "upright, with gravity, 20 N added"),
         ("down_inverted", -1.0, 0.0, "upside down, against gravity"),
-    )),
-    "5-22": _Along("with gravity", "force along the motion [N]", _COMPARED, (
+    ), 355.0),
+    "5-22": ("with gravity", "force along the motion [N]", _COMPARED, (
         ("down", -1.0, 0.0, "upright, minus direction"),
         ("up_inverted", 1.0, 0.0, "upside down, plus direction"),
-    )),
-    "5-23": _Along("minus direction, lower half", MAGNITUDE, _COMPARED, (
+    ), 355.0),
+    "5-23": ("minus direction, lower half", MAGNITUDE, _COMPARED, (
         ("down", -1.0, 0.0, "upright, with gravity"),
         ("down_inverted", -1.0, -_DOUBLE_WEIGHT, "upside down, against gravity, 20 N less"),
     ), 177.5),
 }  # fmt: skip
+"""Figures over height: title; label of the ordinate; speed [m/s]; curves: map, factor, shift [N],
+label; greatest height [mm]."""
 
 
 def _against_speed(
@@ -292,20 +281,19 @@ def _against_speed(
     return figure
 
 
-def _along_screw(data: dict[str, np.ndarray], along: _Along, number: str) -> Figure:
+def _along_screw(data: dict[str, np.ndarray], number: str) -> Figure:
     """Draw maps over height at one speed."""
-    shown = data["centres"] <= along.upto
-    figure, axes = axes_for(HEIGHT, along.label)
-    for curve, (name, factor, shift, text) in enumerate(along.curves):
-        row = nearest(data, name, along.speed)
+    title, label, speed, curves, upto = _ALONG[number]
+    shown = data["centres"] <= upto
+    figure, axes = axes_for(HEIGHT, label)
+    for curve, (name, factor, shift, text) in enumerate(curves):
+        row = nearest(data, name, speed)
         axes.plot(
             data["centres"][shown], factor * data[name][row][shown] + shift,
             color=COLOURS[2 * curve], linestyle=("-", "--")[curve % 2], label=text,
         )  # fmt: skip
-    axes.set_xlim(0.0, along.upto)
-    title = f"Fig. {number}: {along.title}, {data['speeds'][row] * 1e3:g} mm/s"
-    axes.set_title(title, loc="left")
-    if len(along.curves) > 1:
+    axes.set(xlim=(0.0, upto), title=f"Fig. {number}: {title}, {data['speeds'][row] * 1e3:g} mm/s")
+    if len(curves) > 1:
         axes.legend(loc="best")
     return figure
 
@@ -329,15 +317,14 @@ def _surface(data: dict[str, np.ndarray]) -> Figure:
     there = measured(data, "up")
     speeds = np.log10(data["speeds"][there] * 1e3)
     ticks = [tick for tick in _TICKS if speeds[0] - 1e-9 <= np.log10(tick) <= speeds[-1] + 1e-9]
-    z, v = np.meshgrid(data["centres"], speeds)
     figure = Figure(figsize=(7.2, 5.4), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     axes.plot_surface(
-        z, v, data["up"][there], cmap="viridis", linewidth=0.0, rcount=20, ccount=142
-    )
-    axes.set_xlabel("height z [mm]")
+        *np.meshgrid(data["centres"], speeds), data["up"][there], cmap="viridis", linewidth=0.0,
+        rcount=20, ccount=142,
+    )  # fmt: skip
+    axes.set(xlabel="height z [mm]", zlabel="force [N]")
     axes.set_ylabel("speed [mm/s], logarithmic", labelpad=8)
-    axes.set_zlabel("force [N]")
     axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks).tolist()))
     axes.yaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
     axes.view_init(elev=28, azim=-125)

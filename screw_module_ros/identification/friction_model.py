@@ -24,14 +24,13 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from ..calibration.module import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
-from ..figure_style import COLOURS
 from ..geometry import SCREW
 from ..settings import Setting
 from . import friction_map, gravity
-from .figures import axes_for, printed
+from .figures import COLOURS, axes_for, panels, printed
 from .friction_map import FORCE, HEIGHT, SPEED
 from .lab import Lab
-from .results import NOTHING, Experiment, Published, Quantity, Result, beside
+from .results import NOTHING, Drawn, Experiment, Published, Quantity, Result, beside
 from .stage_runs import BIN_MM
 from .trials import DIRECTIONS
 
@@ -58,7 +57,6 @@ _PHASES = np.arange(36) * (np.pi / 36.0)  # phases beyond pi equal a negative am
 _FLIPS = np.arange(20.0, 336.0, BIN_MM)  # [mm]
 _FEWEST_BINS = 30  # four turns of the screw; with 20 the fit is off by 20 N between the bins
 _FIRST = (0.15, np.log(2.5), 0.003)  # initial exponent, knee and slope, near the thesis's
-_RESIDUALS = (("5-27", "up", (5.0, 20.0)), ("5-30", "down", (5.0, 40.0)))  # [mm/s]
 
 
 class Settings(NamedTuple):
@@ -73,14 +71,13 @@ class Settings(NamedTuple):
 
 
 class _Cells(NamedTuple):
-    """One direction's measured cells: height [mm], speed [mm/s], friction [N]; trend, ripple: the
-    polynomials there, shape (cells, coefficients)."""
+    """One direction's measured cells: height [mm], speed [mm/s], friction [N]; trend: Chebyshev
+    polynomials there, shape (cells, coefficients), the first of them those of the ripple."""
 
     z: np.ndarray
     speed: np.ndarray
     force: np.ndarray
     trend: np.ndarray
-    ripple: np.ndarray
 
 
 def run(lab: Lab, settings: Settings) -> Result:
@@ -93,13 +90,13 @@ def run(lab: Lab, settings: Settings) -> Result:
     maps, weighed = lab.result(friction_map.NAME).data, lab.result(gravity.NAME)
     weight = weighed.value("gravity")
     speeds, z = maps["speeds"] * 1e3, maps["centres"]
-    friction = {"up": maps["up"] - weight, "down": maps["down"] - weight}
-    model, error = fit_maps(z, speeds, friction["up"], friction["down"], weight, settings)
+    friction = (maps["up"] - weight, maps["down"] - weight)
+    model, error = fit_maps(z, speeds, friction, weight, settings)
     data = {"centres": z, "speeds": speeds, **_as_data(model)}
     for direction, _ in DIRECTIONS:
         data[f"force_{direction}"] = maps[direction]
         data[f"residual_{direction}"] = beyond(model, data, direction)
-    quantities = _quantities(error, model, data, weighed.quantity("gravity"), thesis_friction())
+    quantities = _quantities(error, model, data, weighed.quantity("gravity"))
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(model, data), data)
 
 
@@ -127,10 +124,19 @@ def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
     return data
 
 
-def beyond(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
-    """Return measured minus modelled force [N] of a model on the maps of this result."""
-    velocity = dict(DIRECTIONS)[direction] * data["speeds"]
-    return data[f"force_{direction}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
+def beyond(
+    model: FrictionModel, data: dict[str, np.ndarray], direction: str, ramped: bool = False
+) -> np.ndarray:
+    """Return measured minus modelled force [N] of a model on the maps of this result.
+
+    ramped: as the controller uses the model, with its ramp at low speed.
+    """
+    z, velocity = np.meshgrid(data["centres"], dict(DIRECTIONS)[direction] * data["speeds"])
+    if ramped:
+        force = friction_along(model, z / 1e3, velocity / 1e3) + model.gravity_N
+    else:
+        force = held_force(model, z, velocity)
+    return data[f"force_{direction}"] - force
 
 
 def share_within(residual: np.ndarray) -> float:
@@ -139,96 +145,58 @@ def share_within(residual: np.ndarray) -> float:
     return float((np.abs(known) <= WITHIN).mean())
 
 
-def rms(residual: np.ndarray) -> float:
-    """Return the root mean square of the measured cells [N]."""
-    return float(np.sqrt(np.nanmean(residual**2)))
-
-
 def _quantities(
-    phase_error: float,
-    model: FrictionModel,
-    data: dict[str, np.ndarray],
-    weight: Quantity,
-    thesis: FrictionModel,
+    phase_error: float, model: FrictionModel, data: dict[str, np.ndarray], weight: Quantity
 ) -> tuple[Quantity, ...]:
-    nan = float("nan")
-    found = []
+    nan, found = np.nan, []
     for label, text, judged in (
         ("", "our fit", model),
-        ("_thesis", "the thesis's coefficients on this module", thesis),
+        ("_thesis", "the thesis's coefficients on this module", thesis_friction()),
     ):
-        left = {direction: beyond(judged, data, direction) for direction, _ in DIRECTIONS}
-        left = {"": np.concatenate(list(left.values())), **left}
-        for direction, residual in left.items():
-            end = (f"_{direction}" if direction else "") + label
-            where = f"{text}, {direction}" if direction else text
+        left = {f"_{name}": beyond(judged, data, name) for name, _ in DIRECTIONS}
+        for name, residual in {"": np.concatenate([*left.values()]), **left}.items():
+            where, rms = f"{text}{name.replace('_', ', ')}", np.sqrt(np.nanmean(residual**2))
             found += [
-                Quantity(f"within{end}", share_within(residual), nan, "", f"within 2 N, {where}"),
-                Quantity(f"rms{end}", rms(residual), nan, "N", f"rms residual, {where}"),
-            ]
-    ramped = np.concatenate([_ramped(model, data, direction) for direction, _ in DIRECTIONS])
+                Quantity(f"within{name}{label}", share_within(residual), nan, "",
+                         f"within 2 N, {where}"),
+                Quantity(f"rms{name}{label}", float(rms), nan, "N", f"rms residual, {where}"),
+            ]  # fmt: skip
+    ramped = np.concatenate([beyond(model, data, name, ramped=True) for name, _ in DIRECTIONS])
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
         Quantity("phase", model.phase_rad, phase_error, "rad", "phase of the ripple"),
     ]
-    for direction, _ in DIRECTIONS:
-        found += _of_branch(model, data, direction)
+    for name, _ in DIRECTIONS:
+        branch: FrictionBranch = getattr(model, name)
+        mean = float(np.nanmean(np.abs(data[f"force_{name}"] - model.gravity_N)))
+        slowest, fastest = speed_factor(branch, data["speeds"][[0, -1]]).tolist()
+        found += [
+            Quantity(f"friction_{name}", mean, nan, "N", f"mean friction, {name}"),
+            Quantity(f"viscous_{name}", branch.high_slope * mean * 1e3, nan, "N s/m",
+                     f"slope of the line times mean friction, {name}"),
+            Quantity(f"factor_slowest_{name}", slowest, nan, "", f"Fv at the slowest, {name}"),
+            Quantity(f"factor_fastest_{name}", fastest, nan, "", f"Fv at the fastest, {name}"),
+            Quantity(f"flip_{name}", branch.flip_below_mm / 1e3, nan, "m",
+                     f"ripple turns below, {name}"),
+        ]  # fmt: skip
     return tuple(found)
-
-
-def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> list[Quantity]:
-    branch: FrictionBranch = getattr(model, direction)
-    nan = float("nan")
-    mean = float(np.nanmean(np.abs(data[f"force_{direction}"] - model.gravity_N)))
-    slowest, fastest = speed_factor(branch, np.array([data["speeds"][0], data["speeds"][-1]]))
-    return [
-        Quantity(f"friction_{direction}", mean, nan, "N", f"mean friction, {direction}"),
-        Quantity(
-            f"viscous_{direction}", branch.high_slope * mean * 1e3, nan, "N s/m",
-            f"slope of the line times mean friction, {direction}",
-        ),
-        Quantity(
-            f"factor_slowest_{direction}", float(slowest), nan, "",
-            f"Fv at the slowest, {direction}",
-        ),
-        Quantity(
-            f"factor_fastest_{direction}", float(fastest), nan, "",
-            f"Fv at the fastest, {direction}",
-        ),
-        Quantity(
-            f"flip_{direction}", branch.flip_below_mm / 1e3, nan, "m",
-            f"ripple turns below, {direction}",
-        ),
-    ]  # fmt: skip
-
-
-def _ramped(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
-    """Return the residual of the controller's model, with its ramp at low speed [N]."""
-    velocity = dict(DIRECTIONS)[direction] * data["speeds"] / 1e3
-    friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
-    return data[f"force_{direction}"] - model.gravity_N - friction
 
 
 def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     slow = int((data["speeds"] < model.ramp_speed_mm_s).sum())
-    notes = [
+    return (
         "The residuals are those of the thesis's form, without the controller's ramp to zero below "
         f"{model.ramp_speed_mm_s:g} mm/s ({slow} of {len(data['speeds'])} speeds); within_ramped "
         "includes the ramp.",
         "The form cannot represent the ripple of the rollers, nor friction that falls with speed in"
         " one half of the screw and rises in the other.",
         "Standard errors assume independent residuals, but neighbouring bins are correlated.",
-    ]
-    for direction, _ in DIRECTIONS:
-        if getattr(model, direction).flip_below_mm < 0.0:
-            notes.append(f"Direction {direction}: a ripple flip has no benefit and is not used.")
-    return tuple(notes)
-
-
-def basis(z: np.ndarray, low: float, high: float, coefficients: int) -> np.ndarray:
-    """Return the Chebyshev polynomials at heights z [mm], shape (len(z), coefficients)."""
-    return chebvander((2.0 * z - low - high) / (high - low), coefficients - 1)
+        *(
+            f"Direction {direction}: a ripple flip has no benefit and is not used."
+            for direction, _ in DIRECTIONS if getattr(model, direction).flip_below_mm < 0.0
+        ),
+    )  # fmt: skip
 
 
 def ripple_phase(z: np.ndarray, lead: float, phase: float, flip_below: float) -> np.ndarray:
@@ -256,9 +224,7 @@ def held_force(model: FrictionModel, z: np.ndarray, velocity: np.ndarray) -> np.
     speed = np.clip(np.abs(velocity), 1e-9, model.fastest_mm_s)
     force = np.empty(np.broadcast(z, velocity).shape)
     for branch, mine in ((model.up, velocity > 0.0), (model.down, velocity <= 0.0)):
-        place = np.polyval(branch.trend, z) + np.polyval(branch.ripple, z) * ripple_phase(
-            z, model.lead_mm, model.phase_rad, branch.flip_below_mm
-        )
+        _, place = _along(model, branch, z)
         held = speed_factor(branch, speed) * (place - model.gravity_N) + model.gravity_N
         force = np.where(mine, held, force)
     return force
@@ -273,8 +239,10 @@ def friction_along(model: FrictionModel, position: np.ndarray, velocity: np.ndar
     return sign * np.maximum(sign * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed_mm_s)
 
 
-def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) -> np.ndarray:
-    """Return a fit's speed factor at speeds above zero [mm/s]; knee [mm/s], slope [s/mm]."""
+def fit_factor(numbers: np.ndarray, speed: np.ndarray | float) -> np.ndarray:
+    """Return a fit's speed factor at speeds above zero [mm/s]; numbers: exponent, logarithm of the
+    knee [mm/s], slope [s/mm]."""
+    exponent, knee, slope = numbers[0], np.exp(numbers[1]), numbers[2]
     line = 1.0 + slope * (np.maximum(speed, knee) - REFERENCE)
     return line * np.minimum(speed / knee, 1.0) ** exponent
 
@@ -285,14 +253,12 @@ def _branch(
 ) -> FrictionBranch:  # fmt: skip
     """Return a fit in the form of controller and thesis, with powers of millimetres.
 
-    place: trend and ripple; sign: of the ripple; flip_below [mm]; numbers: exponent, logarithm of
-    the knee [mm/s], slope [s/mm]; reach: low, high [mm]; gravity [N]. The speed factor has a mean
-    of one over `speeds` [mm/s], so that trend and ripple are those of the mean curve, as in the
-    thesis.
+    place: trend and ripple; sign: of the ripple; flip_below [mm]; numbers: see `fit_factor`; reach:
+    low, high [mm]; gravity [N]. The speed factor has a mean of one over `speeds` [mm/s], so that
+    trend and ripple are those of the mean curve, as in the thesis.
     """
     exponent, knee, slope = float(numbers[0]), float(np.exp(numbers[1])), float(numbers[2])
-    mean = float(fit_factor(exponent, knee, slope, speeds).mean())
-    at_knee = float(fit_factor(exponent, knee, slope, np.array([knee]))[0])
+    mean = float(fit_factor(numbers, speeds).mean())
     trend = _powers(place[:TREND] * mean, *reach, TREND)
     trend[-1] += gravity
     return FrictionBranch(
@@ -300,7 +266,7 @@ def _branch(
         ripple=tuple(_powers(sign * place[TREND:] * mean, *reach, RIPPLE).tolist()),
         flip_below_mm=flip_below,
         break_speed_mm_s=knee,
-        low_gain=at_knee / mean / knee**exponent,
+        low_gain=float(fit_factor(numbers, knee)) / mean / knee**exponent,
         low_exponent=exponent,
         high_slope=slope / mean,
         high_offset=(1.0 - slope * REFERENCE) / mean,
@@ -314,25 +280,27 @@ def _powers(coefficients: np.ndarray, low: float, high: float, count: int) -> np
 
 
 def fit_maps(
-    z: np.ndarray, speeds: np.ndarray, up: np.ndarray, down: np.ndarray, gravity: float,
+    z: np.ndarray, speeds: np.ndarray, maps: tuple[np.ndarray, np.ndarray], gravity: float,
     settings: Settings,
 ) -> tuple[FrictionModel, float]:  # fmt: skip
     """Fit both directions together; return the model and the standard error of its phase [rad].
 
-    z: bins [mm]; speeds [mm/s]; up, down: friction [N], up the screw positive, (speeds, bins), NaN
-    for cells not measured; gravity [N]. Raises ValueError for too few cells.
+    z: bins [mm]; speeds [mm/s]; maps: friction up and down [N], up the screw positive, (speeds,
+    bins), NaN for cells not measured; gravity [N]. Raises ValueError for too few cells.
     """
-    low, high = _common_range(z, up, down)
+    low, high = reach = _common_range(z, maps)
     inside = (z > low) & (z < high)
-    z, up, down = z[inside], up[:, inside], down[:, inside]
-    for direction, force in zip(("up", "down"), (up, down), strict=True):
-        if np.isfinite(force).sum() < 5 * PARAMETERS or np.isfinite(force).any(axis=1).sum() < 4:
+    means, cells = [], []
+    for (direction, _), whole in zip(DIRECTIONS, maps, strict=True):
+        force = whole[:, inside]
+        there = np.isfinite(force)
+        if there.sum() < 5 * PARAMETERS or there.any(axis=1).sum() < 4:
             raise ValueError(
                 f"the map {direction} has too few cells for the model's form: measure more"
             )
-    means = [_cells(z, np.zeros(1), _mean_curve(force)[None, :], low, high) for force in (up, down)]
+        means.append(_cells(z[inside], np.zeros(1), _mean_curve(force)[None, :], reach))
+        cells.append(_cells(z[inside], speeds, force, reach))
     phase, flips = _shape(means, settings.flip_gain)
-    cells = [_cells(z, speeds, force, low, high) for force in (up, down)]
     best, found = flips, _refined(cells, flips, phase)
     for branch, flip in enumerate(flips):
         for near in (flip - BIN_MM, flip + BIN_MM) if flip != NO_FLIP else ():
@@ -340,25 +308,37 @@ def fit_maps(
             tried = _refined(cells, other, phase)
             if tried.cost < found.cost:
                 best, found = other, tried
-    up_branch, down_branch, phase = _branches(cells, best, found, speeds, (low, high), gravity)
+    phase, numbers = float(found.x[0]), np.split(found.x[1:], 2)
+    places = [
+        _place(c, fit_factor(own, c.speed), phase, flip)[0]
+        for c, own, flip in zip(cells, numbers, best, strict=True)
+    ]
+    # A ripple shifted by half a cycle with negated amplitude is the same ripple: the upward one
+    # is positive on average.
+    sign = -1.0 if float((cells[0].trend[:, :RIPPLE] @ places[0][TREND:]).mean()) < 0.0 else 1.0
+    turned = phase if sign > 0.0 else phase + np.pi
     spare = max(sum(len(c.force) for c in cells) - 2 * PARAMETERS - 1, 1)
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * 2.0 * found.cost / spare
+    up, down = (
+        _branch(place, sign, flip, own, speeds, reach, gravity)
+        for place, flip, own in zip(places, best, numbers, strict=True)
+    )
     model = FrictionModel(
-        low, high, float(speeds.max()), settings.ramp_speed * 1e3, _LEAD, phase, gravity,
-        up_branch, down_branch,
+        low, high, float(speeds.max()), settings.ramp_speed * 1e3, _LEAD,
+        float(np.angle(np.exp(1j * turned))), gravity, up, down,
     )  # fmt: skip
     return model, float(np.sqrt(covariance[0, 0]))
 
 
-def _common_range(z: np.ndarray, up: np.ndarray, down: np.ndarray) -> tuple[float, float]:
+def _common_range(z: np.ndarray, maps: tuple[np.ndarray, np.ndarray]) -> tuple[float, float]:
     """Return the range of heights that was measured in both directions [mm].
 
     Outside its bins, and in a wide gap between them, a polynomial of 7th order can be anything.
     Raises ValueError for too few bins or a gap of more than a turn of the screw.
     """
-    there = [z[np.isfinite(force).any(axis=0)] for force in (up, down)]
+    there = [z[np.isfinite(force).any(axis=0)] for force in maps]
     first, last = max(bins[0] for bins in there), min(bins[-1] for bins in there)
-    for direction, bins in zip(("up", "down"), there, strict=True):
+    for (direction, _), bins in zip(DIRECTIONS, there, strict=True):
         bins = bins[(bins >= first) & (bins <= last)]
         if len(bins) < _FEWEST_BINS or np.diff(bins).max() > _LEAD:
             raise ValueError(
@@ -370,17 +350,12 @@ def _common_range(z: np.ndarray, up: np.ndarray, down: np.ndarray) -> tuple[floa
 
 
 def _cells(
-    z: np.ndarray, speeds: np.ndarray, force: np.ndarray, low: float, high: float
+    z: np.ndarray, speeds: np.ndarray, force: np.ndarray, reach: tuple[float, float]
 ) -> _Cells:
-    there = np.isfinite(force)
+    there, (low, high) = np.isfinite(force), reach
     height, speed = (grid[there] for grid in np.meshgrid(z, speeds))
-    return _Cells(
-        height,
-        speed,
-        force[there],
-        basis(height, low, high, TREND),
-        basis(height, low, high, RIPPLE),
-    )
+    trend = chebvander((2.0 * height - low - high) / (high - low), TREND - 1)
+    return _Cells(height, speed, force[there], trend)
 
 
 def _mean_curve(force: np.ndarray) -> np.ndarray:
@@ -421,16 +396,11 @@ def _place(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the best coefficients of trend and ripple for a speed factor, and the residual [N]."""
     ripple = ripple_phase(cells.z, _LEAD, phase, flip)
-    terms = np.hstack((cells.trend, cells.ripple * ripple[:, None]))
+    terms = np.hstack((cells.trend, cells.trend[:, :RIPPLE] * ripple[:, None]))
     terms *= factor[:, None]
     # Chebyshev polynomials are nearly orthogonal: the normal equations are well conditioned.
     coefficients = np.linalg.solve(terms.T @ terms, terms.T @ cells.force)
     return coefficients, terms @ coefficients - cells.force
-
-
-def _factor(cells: _Cells, numbers: np.ndarray) -> np.ndarray:
-    exponent, log_knee, slope = numbers
-    return fit_factor(exponent, np.exp(log_knee), slope, cells.speed)
 
 
 def _refined(
@@ -441,52 +411,28 @@ def _refined(
     def beyond(x: np.ndarray) -> np.ndarray:
         return np.concatenate(
             [
-                _place(c, _factor(c, numbers), x[0], flip)[1]
+                _place(c, fit_factor(numbers, c.speed), x[0], flip)[1]
                 for c, numbers, flip in zip(cells, np.split(x[1:], 2), flips, strict=True)
             ]
         )
 
-    edges = zip((-9.0, 9.0), BOUNDS, strict=True)
-    low, high = ((edge, *numbers, *numbers) for edge, numbers in edges)
+    low, high = ((edge, *own, *own) for edge, own in zip((-9.0, 9.0), BOUNDS, strict=True))
     start = np.array((phase, *_FIRST, *_FIRST))
     return least_squares(beyond, start, bounds=(low, high), x_scale="jac")
 
 
-def _branches(
-    cells: list[_Cells], flips: tuple[float, float], found: OptimizeResult, speeds: np.ndarray,
-    reach: tuple[float, float], gravity: float,
-) -> tuple[FrictionBranch, FrictionBranch, float]:  # fmt: skip
-    """Return the branches up and down, the upward ripple positive on average, and their phase.
-
-    A ripple shifted by half a cycle with negated amplitude is the same ripple.
-    """
-    phase, numbers = float(found.x[0]), np.split(found.x[1:], 2)
-    up, down = (
-        _place(c, _factor(c, own), phase, flip)[0]
-        for c, own, flip in zip(cells, numbers, flips, strict=True)
-    )
-    sign = -1.0 if float((cells[0].ripple @ up[TREND:]).mean()) < 0.0 else 1.0
-    turned = phase if sign > 0.0 else phase + np.pi
-    return (
-        _branch(up, sign, flips[0], numbers[0], speeds, reach, gravity),
-        _branch(down, sign, flips[1], numbers[1], speeds, reach, gravity),
-        float(np.angle(np.exp(1j * turned))),
-    )
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return the figures by number."""
     model = friction_model_of(result)
-    found = {
+    return {
         "5-24": _over_height(result, model, "up", False, "Fig. 5-24: mean and its trend"),
         "5-25": _over_height(result, model, "up", True, "Fig. 5-25: with the ripple"),
         "5-26": _over_speed(result, model, "up", "Fig. 5-26: factor of the speed, upward"),
         "5-28": _over_height(result, model, "down", True, "Fig. 5-28: mean, downward"),
         "5-29": _over_speed(result, model, "down", "Fig. 5-29: factor of the speed, downward"),
+        "5-27": _residuals(result, "up", (5.0, 20.0), "5-27"),
+        "5-30": _residuals(result, "down", (5.0, 40.0), "5-30"),
     }
-    for number, direction, speeds in _RESIDUALS:
-        found[number] = _residuals(result, direction, speeds, number)
-    return found
 
 
 def _levelled(result: Result, model: FrictionModel, direction: str) -> np.ndarray:
@@ -498,24 +444,19 @@ def _levelled(result: Result, model: FrictionModel, direction: str) -> np.ndarra
 
 
 def _residuals(result: Result, direction: str, speeds: tuple[float, float], number: str) -> Figure:
-    """Draw measured minus modelled force over height at two speeds."""
-    figure = Figure(figsize=(9.6, 4.0), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, wanted in zip(panels, speeds, strict=True):
+    """Draw measured minus modelled force over height at two speeds [mm/s]."""
+    figure, axes = panels(1, 2, (9.6, 4.0), sharey=True)
+    for panel, wanted in zip(axes, speeds, strict=True):
         row = int(np.argmin(np.abs(result.data["speeds"] - wanted)))
-        left = result.data[f"residual_{direction}"][row]
-        axes.axhspan(-WITHIN, WITHIN, color="#eeeeee", zorder=0)
-        axes.plot(result.data["centres"], left, color=COLOURS[0])
-        axes.set_xlim(0.0, 355.0)
-        axes.set_ylim(-4.0, 4.0)
-        axes.set_xlabel(HEIGHT)
-        axes.text(
-            0.02, 0.96, f"{result.data['speeds'][row]:g} mm/s", transform=axes.transAxes,
-            va="top",
-        )  # fmt: skip
-    panels[0].set_ylabel("measured minus modelled force [N]")
-    panels[0].set_title(
-        f"Fig. {number}: what the model leaves, {direction}ward; grey: within 2 N", loc="left"
+        panel.axhspan(-WITHIN, WITHIN, color="#eeeeee", zorder=0)
+        panel.plot(result.data["centres"], result.data[f"residual_{direction}"][row],
+                   color=COLOURS[0])  # fmt: skip
+        panel.set(xlabel=HEIGHT, xlim=(0.0, 355.0), ylim=(-4.0, 4.0))
+        panel.text(0.02, 0.96, f"{result.data['speeds'][row]:g} mm/s", transform=panel.transAxes,
+                   va="top")  # fmt: skip
+    axes[0].set(
+        ylabel="measured minus modelled force [N]",
+        title=f"Fig. {number}: what the model leaves, {direction}ward; grey: within 2 N",
     )
     return figure
 
@@ -529,13 +470,14 @@ def _over_height(
     figure, axes = axes_for(HEIGHT, FORCE, title)
     axes.plot(result.data["centres"], _levelled(result, model, direction), color=COLOURS[0],
               label="measured")  # fmt: skip
-    trend, full = _along(model, direction, fine)
+    trend, full = _along(model, branch, fine)
     axes.plot(fine, trend, color=COLOURS[3], linestyle="--", label="trend, 7th order")
     if ripple:
         axes.plot(fine, full, color=COLOURS[2], linestyle="--", label="with ripple")
     thesis = thesis_friction()
     shown = np.linspace(thesis.low_mm, thesis.high_mm, 1000)
-    printed(axes, shown, _along(thesis, direction, shown)[ripple], "5.2.5", line=True)
+    levels = _along(thesis, getattr(thesis, direction), shown)
+    printed(axes, shown, levels[ripple], "5.2.5", line=True)
     if ripple and model.low_mm < branch.flip_below_mm < model.high_mm:
         axes.axvline(branch.flip_below_mm, color="#888888", linewidth=0.8, linestyle=":")
         axes.annotate(
@@ -547,9 +489,10 @@ def _over_height(
     return figure
 
 
-def _along(model: FrictionModel, direction: str, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _along(
+    model: FrictionModel, branch: FrictionBranch, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the trend at heights z [mm] and the trend with its ripple [N]."""
-    branch = getattr(model, direction)
     trend = np.polyval(branch.trend, z)
     phase = ripple_phase(z, model.lead_mm, model.phase_rad, branch.flip_below_mm)
     return trend, trend + np.polyval(branch.ripple, z) * phase

@@ -6,15 +6,13 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import detrend, find_peaks, periodogram
 
-from ..figure_style import COLOURS
 from ..settings import Setting
-from .figures import axes_for, printed
+from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
-from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .results import STAGE, Drawn, Experiment, Published, Quantity, Result, beside
 from .stage_runs import period_of, stage_run, steady_part, too_near, turn_rate_hz
 from .trials import DIRECTIONS, Samples, StageTrial
 
@@ -63,19 +61,28 @@ def run(lab: Lab, settings: Settings) -> Result:
         for direction, sign in DIRECTIONS
     }
     parts = lab.record(NAME, trials, spectrum)
-    data, quantities, notes = {}, [], []
+    data: dict[str, np.ndarray] = {}
+    quantities, notes = [], []
     turn = turn_rate_hz(settings.speed)
     for direction, _ in DIRECTIONS:
         frequency, amplitude = parts[direction]["frequency"], parts[direction]["amplitude"]
         found = modes(frequency, amplitude, turn)
-        data[f"frequency_{direction}"], data[f"amplitude_{direction}"] = frequency, amplitude
-        data[f"peaks_{direction}"] = np.array(found).reshape(-1, 3)
+        data |= {
+            f"frequency_{direction}": frequency,
+            f"amplitude_{direction}": amplitude,
+            f"peaks_{direction}": np.array(found).reshape(-1, 3),
+        }
         for name, rate, what in _MODES:
             peak = nearest(found, rate * turn)
             if peak is None:
                 notes.append(f"The spectrum has no line of the {what}, {direction}.")
-                peak = Peak(*(float("nan"),) * 3)
-            quantities += _of_peak(name, what, direction, peak, float(np.median(amplitude)))
+                peak = Peak(np.nan, np.nan, np.nan)
+            quantities += [
+                Quantity(f"{name}_{direction}", peak.frequency, peak.width, "Hz",
+                         f"frequency, {what}, {direction}"),
+                Quantity(f"{name}_force_{direction}", peak.amplitude, float(np.median(amplitude)),
+                         "N", f"amplitude, {what}, {direction}"),
+            ]  # fmt: skip
     notes.append(
         "Amplitudes are means along the screw. A ripple whose amplitude or phase changes along the "
         "screw gives wider lines with less than its largest amplitude."
@@ -114,20 +121,7 @@ def nearest(peaks: list[Peak], frequency: float) -> Peak | None:
     return max(near, key=lambda peak: peak.amplitude, default=None)
 
 
-def _of_peak(name: str, what: str, direction: str, peak: Peak, floor: float) -> list[Quantity]:
-    return [
-        Quantity(
-            f"{name}_{direction}", peak.frequency, peak.width, "Hz",
-            f"frequency, {what}, {direction}",
-        ),
-        Quantity(
-            f"{name}_force_{direction}", peak.amplitude, floor, "N",
-            f"amplitude, {what}, {direction}",
-        ),
-    ]
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figures 5-7 and 5-8, upward."""
     speed = result.settings["speed"] * 1e3
     return {
@@ -142,28 +136,21 @@ def _spectrum(result: Result, upto: float, title: str) -> Figure:
     figure, axes = axes_for("frequency [Hz]", "amplitude of the force [N]", title)
     axes.plot(frequency[shown], amplitude[shown], color=COLOURS[0])
     axes.set_xlim(0.0, upto)
-    if upto <= _NEAR:
-        axes.set_ylim(bottom=0.0)
-        _name_lines(axes, result)
-        lines = [THESIS[name].value for name in ("screw_up", "rollers_up")]
-        printed(axes, lines, [0.0, 0.0], "frequencies, fig 5-8")
-        axes.legend()
-    else:  # the noise is not visible on a linear scale
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=1e-5)
-    return figure
-
-
-def _name_lines(axes: Axes, result: Result) -> None:
+    if upto > _NEAR:  # the noise is not visible on a linear scale
+        axes.set(yscale="log", ylim=(1e-5, None))
+        return figure
+    axes.set_ylim(bottom=0.0)
     peaks = [Peak(*row) for row in result.data["peaks_up"]]
-    for name, text in (("screw", "turn of the screw"), ("rollers", "rollers")):
-        peak = nearest(peaks, result.value(f"{name}_up"))
-        if peak:
+    for name, _, text in _MODES:
+        if peak := nearest(peaks, result.value(f"{name}_up")):
             axes.annotate(
                 f"{text}, {peak.frequency:.2f} Hz, {peak.amplitude:.2f} N",
                 (peak.frequency, peak.amplitude), xytext=(12, -4), textcoords="offset points",
                 va="center",
             )  # fmt: skip
+    printed(axes, [line.value for line in THESIS.values()], [0.0, 0.0], "frequencies, fig 5-8")
+    axes.legend()
+    return figure
 
 
 EXPERIMENT = Experiment(

@@ -17,15 +17,13 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from ..figure_style import COLOURS, DESIRED
 from ..geometry import counts_to_height
 from ..settings import Setting
 from . import friction_map
-from .figures import axes_for
+from .figures import COLOURS, DESIRED, axes_for
 from .lab import Lab, Part
-from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .results import STAGE, Drawn, Experiment, Published, Quantity, Result, beside
 from .stage_runs import LOWER_HALF
 from .trials import DIRECTIONS, NotPossible, Samples, StageTrial
 
@@ -52,13 +50,6 @@ class Settings(NamedTuple):
     least_play: Annotated[float, Setting("smaller play counts as none", "m", 0.0, 1e-3)] = 1e-5
 
 
-class ByMaps(NamedTuple):
-    """The thesis's method: mean and standard deviation of the difference, twice the weight [N]."""
-
-    mean: float
-    deviation: float
-
-
 class Crossing(NamedTuple):
     """Result of one run.
 
@@ -75,11 +66,6 @@ class Crossing(NamedTuple):
     rate: float
     force: float
     error: float
-
-    @property
-    def seen(self) -> bool:
-        """Whether the handle crossed the play."""
-        return bool(np.isfinite(self.force))
 
 
 class Weight(NamedTuple):
@@ -108,36 +94,62 @@ def run(lab: Lab, settings: Settings) -> Result:
     crossings = [
         crossing(trial, parts[name], settings.least_play) for name, trial in trials.items()
     ]
-    weight, by_maps = weighed(crossings), difference_of_maps(maps)
-    if weight is None and by_maps is None:
+    seen = [c for c in crossings if np.isfinite(c.force)]
+    weight = weighed(seen) if seen else None
+    quantities, notes = [], []
+    if weight:
+        quantities += [
+            Quantity("gravity", weight.weight, weight.error, "N", "weight, across the play"),
+            Quantity("film", weight.film, weight.film_error, "N s/m", "drag of the grease film"),
+            Quantity("play", *play_width(seen, counts_to_height(1)), "m",
+                     "backlash between nut and handle"),
+        ]  # fmt: skip
+        if np.isnan(weight.film):
+            notes.append("One speed and direction only: the weight includes the film's drag.")
+        if np.isnan(weight.zero):
+            notes.append("The transducer's zero is the one that the bench subtracted.")
+    else:
+        widest = max(abs(c.width) for c in crossings)
+        quantities.append(Quantity("play", 0.0, widest, "m", "backlash, none was seen"))
+        notes.append(
+            "The handle crossed no play (none, or smaller than least_play). The weight comes from "
+            "the maps, with an error of half the difference between friction against and with "
+            "gravity."
+        )
+    values = np.concatenate([
+        (maps[way] - maps[f"{way}_inverted"])[:, LOWER_HALF].ravel() for way in ("up", "down")
+    ])  # fmt: skip
+    values = values[np.isfinite(values)]
+    if len(values):  # twice the weight: upright minus upside down, all speeds, both ways (5.2.4)
+        mean, deviation = float(values.mean()), float(values.std())
+        half = (mean / 2.0, deviation / 2.0, "N")
+        if weight is None:
+            quantities.append(Quantity("gravity", *half, "weight, by maps"))
+        quantities += [
+            Quantity("double_weight", mean, deviation, "N",
+                     "upright minus upside down, lower half"),
+            Quantity("gravity_thesis", *half, "weight by the thesis's method"),
+        ]  # fmt: skip
+        if weight:
+            bias = mean / 2.0 - weight.weight
+            quantities.append(
+                Quantity("bias_thesis", bias, weight.error, "N", "thesis's method minus ours")
+            )
+            notes.append(
+                f"The thesis's method has an error of {bias:+.2f} N here: half of the mean "
+                "difference between friction against and with gravity, in the lower half of the "
+                "screw."
+            )
+    elif weight is None:
         raise NotPossible(
             "the handle crosses no play, and friction_map has no run upside down: weight and "
             "friction cannot be separated; measure friction_map with inverted_speeds"
         )
+    else:
+        notes.append("There are no runs upside down, which the thesis's method needs.")
     data = {"crossings": np.array(crossings), "jobs": np.array(list(trials))}
-    for trial in trials:
-        for name in ("gap", "force"):
-            data[f"{name}_{trial}"] = parts[trial][name]
-    return Result(
-        NAME,
-        beside(THESIS, _quantities(weight, by_maps, crossings)),
-        settings._asdict(),
-        _notes(weight, by_maps),
-        data,
-    )
-
-
-def difference_of_maps(maps: dict[str, np.ndarray]) -> ByMaps | None:
-    """Return force upright minus upside down over the lower half, all speeds, both ways (5.2.4).
-
-    None without runs upside down.
-    """
-    beyond = [
-        (maps[way] - maps[f"{way}_inverted"])[:, LOWER_HALF].ravel() for way in ("up", "down")
-    ]
-    values = np.concatenate(beyond)
-    values = values[np.isfinite(values)]
-    return ByMaps(float(values.mean()), float(values.std())) if len(values) else None
+    data |= {f"{name}_{trial}": parts[trial][name] for trial in trials for name in ("gap", "force")}
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), tuple(notes), data)
 
 
 def _trials(settings: Settings) -> dict[str, StageTrial]:
@@ -167,7 +179,7 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
     width = float(np.median(gap[-max(len(gap) // 4, 1) :]))
     direction = float(np.sign(trial.speed))
     sign = -1.0 if trial.upside_down else 1.0
-    nothing = Crossing(sign, direction, abs(trial.speed), width, *(float("nan"),) * 3)
+    nothing = Crossing(sign, direction, abs(trial.speed), width, np.nan, np.nan, np.nan)
     first, last = (int(np.argmax(gap >= share * width)) for share in _INNER)
     if width < least or last - first < _FEWEST:
         return nothing
@@ -182,118 +194,46 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
     return nothing._replace(rate=rate, force=float(level.mean()), error=error)
 
 
-def weighed(crossings: list[Crossing]) -> Weight | None:
-    """Return the best fit of the weight to all crossings, None without any.
+def weighed(seen: list[Crossing]) -> Weight:
+    """Return the best fit of the weight to the crossings that were seen.
 
     force = sign weight + direction film rate + zero, weighted least squares. If the runs do not
     determine all three (one orientation, one speed), the fit omits the zero, which the bench has
     subtracted, and then the film.
     """
-    seen = [c for c in crossings if c.seen]
-    if not seen:
-        return None
     terms = np.array([(c.sign, c.direction * c.rate, 1.0) for c in seen])
     terms[:, 1] *= 1e3  # mm/s, so that all columns are of one size
-    force = np.array([c.force for c in seen])
-    error = np.array([c.error for c in seen])
+    force, error = np.array([(c.force, c.error) for c in seen]).T
     used = next(n for n in (3, 2, 1) if np.linalg.matrix_rank(terms[:, :n], tol=0.1) == n)
     matrix = terms[:, :used] / error[:, None]
     values, *_ = np.linalg.lstsq(matrix, force / error, rcond=None)
     spare = len(seen) - used
-    misfit = matrix @ values - force / error
-    spread = float(np.sqrt((misfit**2).sum() / spare)) if spare else 1.0
+    misfit = ((matrix @ values - force / error) ** 2).sum()
+    spread = float(np.sqrt(misfit / spare)) if spare else 1.0
     errors = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix))) * max(spread, 1.0)
-    values, errors = np.pad(values, (0, 3 - used)), np.pad(errors, (0, 3 - used))
-    nan = float("nan")
-    return Weight(
-        float(values[0]),
-        float(errors[0]),
-        float(values[1] * 1e3) if used > 1 else nan,
-        float(errors[1] * 1e3) if used > 1 else nan,
-        float(values[2]) if used > 2 else nan,
-        spread,
+    (weight, film, zero), (error, film_error, _) = (
+        np.pad(found, (0, 3 - used), constant_values=np.nan).tolist() for found in (values, errors)
     )
+    return Weight(weight, error, film * 1e3, film_error * 1e3, zero, spread)
 
 
-def play_width(crossings: list[Crossing], resolution: float) -> tuple[float, float]:
-    """Return the play and its standard error [m], from the widths of the crossings.
+def play_width(seen: list[Crossing], resolution: float) -> tuple[float, float]:
+    """Return the play and its standard error [m], from the widths of the crossings seen.
 
     The fit of a line over the speed removes the effect of a late start of the stage. resolution: of
-    the encoder [m]. NaN without a crossing.
+    the encoder [m].
     """
-    seen = [c for c in crossings if c.seen]
-    if not seen:
-        return float("nan"), float("nan")
-    speed = np.array([c.speed for c in seen])
-    width = np.array([c.width for c in seen])
+    speed, width = np.array([(c.speed, c.width) for c in seen]).T
     quantised = resolution / np.sqrt(6.0)  # of a difference of two counts
     if len(set(speed)) < 2 or len(seen) < 4:
         return float(width.mean()), float(np.hypot(width.std(), quantised))
-    (_, at_rest), cov = np.polyfit(speed, width, 1, cov="unscaled")
-    left = width - np.polyval(np.polyfit(speed, width, 1), speed)
+    line, cov = np.polyfit(speed, width, 1, cov="unscaled")
+    left = width - np.polyval(line, speed)
     spread = max(float(np.sqrt((left**2).sum() / (len(seen) - 2))), quantised)
-    return float(at_rest), float(spread * np.sqrt(cov[1, 1]))
+    return float(line[1]), float(spread * np.sqrt(cov[1, 1]))
 
 
-def _quantities(
-    weight: Weight | None, by_maps: ByMaps | None, crossings: list[Crossing]
-) -> tuple[Quantity, ...]:
-    quantities = []
-    if weight is None:
-        widest = max(abs(c.width) for c in crossings)
-        quantities.append(Quantity("play", 0.0, widest, "m", "backlash, none was seen"))
-    if weight:
-        play = play_width(crossings, counts_to_height(1))
-        quantities += [
-            Quantity("gravity", weight.weight, weight.error, "N", "weight, across the play"),
-            Quantity("film", weight.film, weight.film_error, "N s/m", "drag of the grease film"),
-            Quantity("play", *play, "m", "backlash between nut and handle"),
-        ]
-    elif by_maps:
-        quantities.append(
-            Quantity("gravity", by_maps.mean / 2.0, by_maps.deviation / 2.0, "N", "weight, by maps")
-        )
-    if by_maps:
-        quantities += [
-            Quantity("double_weight", *by_maps, "N", "upright minus upside down, lower half"),
-            Quantity(
-                "gravity_thesis", by_maps.mean / 2.0, by_maps.deviation / 2.0, "N",
-                "weight by the thesis's method",
-            ),
-        ]  # fmt: skip
-    if weight and by_maps:
-        bias = by_maps.mean / 2.0 - weight.weight
-        quantities.append(
-            Quantity("bias_thesis", bias, weight.error, "N", "thesis's method minus ours")
-        )
-    return tuple(quantities)
-
-
-def _notes(weight: Weight | None, by_maps: ByMaps | None) -> tuple[str, ...]:
-    notes = []
-    if weight is None:
-        notes.append(
-            "The handle crossed no play (none, or smaller than least_play). The weight comes from "
-            "the maps, with an error of half the difference between friction against and with "
-            "gravity."
-        )
-    else:
-        if np.isnan(weight.film):
-            notes.append("One speed and direction only: the weight includes the film's drag.")
-        if np.isnan(weight.zero):
-            notes.append("The transducer's zero is the one that the bench subtracted.")
-    if weight and by_maps:
-        bias = by_maps.mean / 2.0 - weight.weight
-        notes.append(
-            f"The thesis's method has an error of {bias:+.2f} N here: half of the mean difference "
-            "between friction against and with gravity, in the lower half of the screw."
-        )
-    if by_maps is None:
-        notes.append("There are no runs upside down, which the thesis's method needs.")
-    return tuple(notes)
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return the figure of the force while the handle crosses the play (ours)."""
     figure, axes = axes_for("handle against nut [mm]", "force, against gravity positive [N]",
                             "Weight while the handle crosses the play")  # fmt: skip
@@ -301,16 +241,13 @@ def draw(result: Result) -> dict[str, Figure]:
     named = set()
     for name, row in zip(result.data["jobs"], result.data["crossings"], strict=True):
         sign, _, speed, _, _, force, _ = row
-        if not np.isfinite(force):
-            continue
-        gap = result.data[f"gap_{name}"] * 1e3
-        number = speeds.index(float(speed))
-        axes.plot(
-            gap, sign * result.data[f"force_{name}"], ".", markersize=2.0, alpha=0.35,
-            color=COLOURS[number % len(COLOURS)],
-            label=None if speed in named else f"{speed * 1e3:g} mm/s",
-        )  # fmt: skip
-        named.add(speed)
+        if np.isfinite(force):
+            axes.plot(
+                result.data[f"gap_{name}"] * 1e3, sign * result.data[f"force_{name}"], ".",
+                markersize=2.0, alpha=0.35, color=COLOURS[speeds.index(speed) % len(COLOURS)],
+                label=None if speed in named else f"{speed * 1e3:g} mm/s",
+            )  # fmt: skip
+            named.add(speed)
     weight = result.value("gravity")
     axes.axhline(weight, color=DESIRED, linestyle="--", label=f"weight, {weight:.2f} N")
     thesis = THESIS["gravity"]

@@ -18,6 +18,7 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 from scipy.signal import oaconvolve
@@ -25,13 +26,12 @@ from scipy.signal import oaconvolve
 from ..control import modes
 from ..control.friction import FrictionModel
 from ..control.vertical_settings import VerticalSettings
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
 from . import friction_model
-from .figures import CREDIT, THESIS_RATE, axes_for, filter_figure
+from .figures import COLOURS, CREDIT, DESIRED, THESIS_RATE, axes_for, filter_figure
 from .friction_model import friction_along
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
+from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .stage_runs import optimal_lowpass, zero_phase
 from .trials import Arm, MotionTrial, Samples
 
@@ -103,16 +103,14 @@ class Ratio(NamedTuple):
     mass: np.ndarray
 
 
-class Regression(NamedTuple):
-    """mass [kg]; viscous [N s/m], coulomb [N], constant [N], load (share of the force beyond that
-    of the maps): errors of the friction model; rms of the residual [N]."""
-
-    mass: float
-    viscous: float
-    coulomb: float
-    constant: float
-    load: float
-    rms: float
+_LEFT = (
+    ("viscous", "N s/m", "viscous friction beyond the model"),
+    ("coulomb", "N", "dry friction beyond the model"),
+    ("constant", "N", "weight and zero beyond the model"),
+    ("load", "", "friction per force beyond that of the maps"),
+    ("rms", "N", "rms of the regression's residual"),
+)
+"""What `regression` returns after the mass: name, unit, text."""
 
 
 def run(lab: Lab, settings: Settings) -> Result:
@@ -128,40 +126,52 @@ def run(lab: Lab, settings: Settings) -> Result:
     parts = lab.record(NAME, trials, kept)
     records = [_record(part, model) for part in parts.values()]
     every = max(round(lab.rate / _REGRESSION_HZ), 1)
-    fit = regression(records, settings.least_speed, every)
-    plain = regression(records, settings.least_speed, every, loaded=False)
-    error = math.hypot(jackknife(records, settings.least_speed, every), fit.mass - plain.mass)
-    ratios = [_ratio(record, settings, 1.0) for record in records]
-    strict = [_ratio(record, settings, _STRICT) for record in records]
-    mean, deviation = pooled(ratios)
-    strict_mean, strict_deviation = pooled(strict)
-    shifts = np.array([r.shift for r in strict])
-    nan = float("nan")
+    mass, *left = regression(records, settings.least_speed, every)
+    plain, *_ = regression(records, settings.least_speed, every, loaded=False)
+    error = math.hypot(jackknife(records, settings.least_speed, every), mass - plain)
+    ratios, strict = (
+        [
+            ratio(moved, moved.force - friction, settings.least_speed, least, settings.widest_shift)
+            for moved, friction in records
+        ]
+        for least in (settings.least_acceleration, settings.least_acceleration * _STRICT)
+    )
+    printed, stricter = (
+        _mean_and_deviation(np.concatenate([r.mass for r in found])) for found in (ratios, strict)
+    )
+    shifts, nan = np.array([r.shift for r in strict]), math.nan
     quantities = (
-        Quantity("mass", fit.mass, error, "kg", "mass at the handle, by regression"),
-        Quantity("mass_thesis", mean, deviation, "kg", "mean of the ratio (sd), as printed"),
-        Quantity(
-            "mass_thesis_strict", strict_mean, strict_deviation, "kg",
-            "the same, accelerations of 2.5 m/s^2 and more",
-        ),
+        Quantity("mass", mass, error, "kg", "mass at the handle, by regression"),
+        Quantity("mass_thesis", *printed, "kg", "mean of the ratio (sd), as printed"),
+        Quantity("mass_thesis_strict", *stricter, "kg",
+                 "the same, accelerations of 2.5 m/s^2 and more"),
         Quantity("shift", *_mean_and_deviation(shifts), "s", "best time shift of the strict ratio"),
-        Quantity("viscous_left", fit.viscous, nan, "N s/m", "viscous friction beyond the model"),
-        Quantity("coulomb_left", fit.coulomb, nan, "N", "dry friction beyond the model"),
-        Quantity("constant_left", fit.constant, nan, "N", "weight and zero beyond the model"),
-        Quantity("load_left", fit.load, nan, "", "friction per force beyond that of the maps"),
-        Quantity("rms_left", fit.rms, nan, "N", "rms of the regression's residual"),
-        Quantity(
-            "fastest", max(float(np.abs(r.velocity).max()) for r, _ in records), nan, "m/s",
-            "fastest sample",
+        *(
+            Quantity(f"{name}_left", value, nan, unit, text)
+            for (name, unit, text), value in zip(_LEFT, left, strict=True)
         ),
+        Quantity("fastest", max(float(np.abs(r.velocity).max()) for r, _ in records), nan, "m/s",
+                 "fastest sample"),
     )  # fmt: skip
-    data = {"shifts": shifts, "mass": np.array(fit)}
+    data = {"shifts": shifts, "mass": np.array([mass, *left])}
     for number, ((record, friction), found) in enumerate(zip(records, strict, strict=True)):
-        data[f"time_{number}"] = record.time[::_SHOWN]
-        data[f"acceleration_{number}"] = record.acceleration[::_SHOWN]
-        data[f"inertial_{number}"] = (record.smooth - friction)[::_SHOWN]
-        data[f"ratio_{number}"] = np.nan_to_num(found.mass)[::_SHOWN]
-    notes = _notes(ratios, strict)
+        data |= {
+            f"time_{number}": record.time[::_SHOWN],
+            f"acceleration_{number}": record.acceleration[::_SHOWN],
+            f"inertial_{number}": (record.smooth - friction)[::_SHOWN],
+            f"ratio_{number}": np.nan_to_num(found.mass)[::_SHOWN],
+        }
+    listed = ", ".join(f"{shift * 1e3:.1f}" for shift in shifts if np.isfinite(shift)) or "no"
+    notes = (
+        "The uncertainty of the mass includes the effect of the load term and the spread of a "
+        "jackknife over the records, but not an error of the sensor's gain.",
+        "The friction model is extrapolated beyond the fastest speed of the maps, as in 5.3.",
+        f"With accelerations from 2.5 mm/s^2, as printed, the ratio is {printed[0]:.2f} kg with a "
+        f"standard deviation of {printed[1]:.3g} kg: near zero acceleration the ratio amplifies "
+        "any error of the friction. The strict figures use accelerations from 2.5 m/s^2.",
+        f"Best shifts of the strict ratio: {listed} ms, positive for a delayed acceleration "
+        "(thesis: 8 to 18 ms, regarded as an artifact; our filters have no delay).",
+    )
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, data)
 
 
@@ -170,24 +180,14 @@ def kept(trial: MotionTrial, samples: Samples) -> Part:
     return {"time": samples.time, "position": samples.position, "force": samples.force}
 
 
-def pooled(ratios: list[Ratio]) -> tuple[float, float]:
-    """Return mean and standard deviation of all samples of all records [kg] (5.3.3).
-
-    NaN when no record has a usable sample.
-    """
-    return _mean_and_deviation(np.concatenate([r.mass for r in ratios]))
-
-
 def _mean_and_deviation(values: np.ndarray) -> tuple[float, float]:
-    """Return both of the finite values, NaN without any."""
+    """Return both of the finite values (5.3.3), NaN without any."""
     known = values[np.isfinite(values)]
     return (float(known.mean()), float(known.std())) if len(known) else (math.nan, math.nan)
 
 
 def _trials(settings: Settings) -> dict[str, MotionTrial]:
-    arm = Arm(
-        float(settings.arm_mass), float(settings.arm_stiffness), float(settings.arm_damping)
-    )
+    arm = Arm(*map(float, (settings.arm_mass, settings.arm_stiffness, settings.arm_damping)))
     still = MotionTrial(
         modes.OFF, VerticalSettings(), arm=arm, centre=float(settings.centre),
         duration=float(settings.duration),
@@ -204,32 +204,6 @@ def _record(part: Part, model: FrictionModel) -> Record:
     record = motion(part["time"], part["position"], part["force"])
     projected = model._replace(fastest_mm_s=_PROJECTED)
     return record, friction_along(projected, record.position, record.velocity) + model.gravity_N
-
-
-def _ratio(record: Record, settings: Settings, times: float) -> Ratio:
-    moved, friction = record
-    return ratio(
-        moved,
-        moved.force - friction,
-        settings.least_speed,
-        settings.least_acceleration * times,
-        settings.widest_shift,
-    )
-
-
-def _notes(ratios: list[Ratio], strict: list[Ratio]) -> tuple[str, ...]:
-    mean, deviation = pooled(ratios)
-    shifts = ", ".join(f"{r.shift * 1e3:.1f}" for r in strict if np.isfinite(r.shift)) or "no"
-    return (
-        "The uncertainty of the mass includes the effect of the load term and the spread of a "
-        "jackknife over the records, but not an error of the sensor's gain.",
-        "The friction model is extrapolated beyond the fastest speed of the maps, as in 5.3.",
-        f"With accelerations from 2.5 mm/s^2, as printed, the ratio is {mean:.2f} kg with a "
-        f"standard deviation of {deviation:.3g} kg: near zero acceleration the ratio amplifies any "
-        "error of the friction. The strict figures use accelerations from 2.5 m/s^2.",
-        f"Best shifts of the strict ratio: {shifts} ms, positive for a delayed acceleration "
-        "(thesis: 8 to 18 ms, regarded as an artifact; our filters have no delay).",
-    )
 
 
 def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
@@ -268,15 +242,13 @@ def ratio(
     period = (record.time[-1] - record.time[0]) / (len(record.time) - 1)
     widest = round(widest_shift / period)
     middle = slice(widest, len(inertial) - widest)
-    best, least = Ratio(float("nan"), np.full(len(inertial), np.nan)), np.inf
+    fast = np.abs(record.velocity[middle]) >= least_speed
+    best, least = Ratio(math.nan, np.full(len(inertial), np.nan)), np.inf
     for shift in range(-widest, widest + 1):
         moved = record.acceleration[widest - shift : len(inertial) - widest - shift]
-        fast = np.abs(record.velocity[middle]) >= least_speed
         use = fast & (np.abs(moved) >= least_acceleration)
-        if not use.any():
-            continue
         found = inertial[middle][use] / moved[use]
-        if found.std() < least:
+        if len(found) and found.std() < least:
             least = float(found.std())
             mass = np.full(len(inertial), np.nan)
             mass[middle][use] = found
@@ -286,11 +258,12 @@ def ratio(
 
 def regression(
     records: list[Record], least_speed: float, every: int, loaded: bool = True
-) -> Regression:
+) -> list[float]:
     """Fit F - F_f = M a + b v + c sign(v) + d + l (|F| - |F_f|) sign(v) over all records.
 
     F is the filtered force. least_speed [m/s]: slower samples do not count; every: use each n-th
-    sample, as neighbours are correlated; loaded: False omits the last term, l = 0.
+    sample, as neighbours are correlated; loaded: False omits the last term, l = 0. Returns mass M
+    [kg], then the values of `_LEFT`: errors of the friction model, rms of the residual [N].
     Raises ValueError without samples.
     """
     rows, wanted = [], []
@@ -309,8 +282,7 @@ def regression(
         lambda x: terms @ x - force, start, jac=lambda x: terms.copy(), loss="soft_l1"
     )
     left = terms @ found.x - force
-    mass, viscous, coulomb, constant, load = map(float, found.x)
-    return Regression(mass, viscous, coulomb, constant, load, float(np.sqrt(np.mean(left**2))))
+    return [*found.x.tolist(), float(np.sqrt(np.mean(left**2)))]
 
 
 def jackknife(records: list[Record], least_speed: float, every: int) -> float:
@@ -321,77 +293,58 @@ def jackknife(records: list[Record], least_speed: float, every: int) -> float:
     """
     n = len(records)
     if n < 3:
-        return float("nan")
+        return math.nan
     masses = [
-        regression(records[:out] + records[out + 1 :], least_speed, every).mass for out in range(n)
+        regression(records[:out] + records[out + 1 :], least_speed, every)[0] for out in range(n)
     ]
     return float(np.sqrt((n - 1) * np.var(masses)))
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figs 5-31 to 5-34, from the third record if there is one."""
     record = min(2, len(result.data["shifts"]) - 1)
     names = ("time", "acceleration", "inertial", "ratio")
     time, acceleration, inertial, ratio = (result.data[f"{name}_{record}"] for name in names)
     time = time - time[0] - _BEGIN
-    both = (time, acceleration, inertial)
-    taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, THESIS_RATE)
-    return {
-        "5-31": filter_figure(taps, "Fig. 5-31: low-pass of velocity and acceleration"),
-        "5-32": _curves(*both, 1.0, _LONG, "Fig. 5-32: force less friction and weight"),
-        "5-33": _curves(*both, _SCALE, _SHORT, "Fig. 5-33: the same force times 0.2"),
-        "5-34": _mass_over_time(result, time, acceleration, ratio),
-    }
-
-
-def _curves(
-    time: np.ndarray,
-    acceleration: np.ndarray,
-    inertial: np.ndarray,
-    scale: float,
-    length: float,
-    title: str,
-) -> Figure:
-    """Draw mass times acceleration, by the forces, and acceleration over time."""
-    shown = (time >= 0.0) & (time <= length)
-    factor = "" if scale == 1.0 else f", times {scale:g}"
-    figure, axes = axes_for("time [s]", "force [N] and acceleration [m/s$^2$]", title)
-    axes.plot(
-        time[shown], scale * inertial[shown], color=COLOURS[0],
-        label=f"force less friction and weight [N]{factor}",
-    )  # fmt: skip
-    axes.plot(
-        time[shown], acceleration[shown], color=COLOURS[2], linestyle="--",
-        label="acceleration [m/s$^2$]",
-    )  # fmt: skip
-    axes.set_xlim(0.0, length)
-    axes.margins(y=0.2)
-    axes.legend(loc="upper right", ncols=2)
-    return figure
-
-
-def _mass_over_time(
-    result: Result, time: np.ndarray, acceleration: np.ndarray, ratio: np.ndarray
-) -> Figure:
-    """Draw the mass at each sample, zero for excluded ones, and the acceleration (fig 5-34)."""
-    shown = (time >= 0.0) & (time <= _LONG)
-    figure, axes = axes_for(
-        "time [s]", "mass [kg] and acceleration [m/s$^2$]",
+    force, swings = "force [N] and acceleration [m/s$^2$]", (acceleration, _ACCELERATION)
+    less = {"color": COLOURS[0], "label": "force less friction and weight [N]"}
+    scaled = less | {"label": f"{less['label']}, times {_SCALE:g}"}
+    last, axes = _over_time(
+        time, _LONG, "mass [kg] and acceleration [m/s$^2$]",
         "Fig. 5-34: mass by the ratio, where acceleration is 2.5 m/s$^2$ and more",
+        swings, (ratio, {"color": COLOURS[0], "label": "ratio [kg], 0 = left out"}),
     )  # fmt: skip
-    axes.plot(
-        time[shown], acceleration[shown], color=COLOURS[2], linestyle="--",
-        label="acceleration [m/s$^2$]",
-    )  # fmt: skip
-    axes.plot(time[shown], ratio[shown], color=COLOURS[0], label="ratio [kg], 0 = left out")
     mass, thesis = result.value("mass"), THESIS["mass"]
     axes.axhline(mass, color=COLOURS[3], label=f"by regression, {mass:.2f} kg")
     axes.axhline(thesis.value, color=DESIRED, linestyle=":",
                  label=f"{thesis.value:g} kg of 5.3.3 ({CREDIT})")  # fmt: skip
-    axes.set_xlim(0.0, _LONG)
+    axes.legend(loc="upper right", ncols=2)
+    return {
+        "5-31": filter_figure(optimal_lowpass(CUTOFF_HZ, STOP_HZ, THESIS_RATE),
+                              "Fig. 5-31: low-pass of velocity and acceleration"),
+        "5-32": _over_time(time, _LONG, force, "Fig. 5-32: force less friction and weight",
+                           (inertial, less), swings)[0],
+        "5-33": _over_time(time, _SHORT, force, "Fig. 5-33: the same force times 0.2",
+                           (_SCALE * inertial, scaled), swings)[0],
+        "5-34": last,
+    }  # fmt: skip
+
+
+_ACCELERATION = {"color": COLOURS[2], "linestyle": "--", "label": "acceleration [m/s$^2$]"}
+
+
+def _over_time(
+    time: np.ndarray, length: float, what: str, title: str, *lines: tuple[np.ndarray, dict]
+) -> tuple[Figure, Axes]:
+    """Draw lines, values with their style, over the first `length` seconds."""
+    shown = (time >= 0.0) & (time <= length)
+    figure, axes = axes_for("time [s]", what, title)
+    for values, style in lines:
+        axes.plot(time[shown], values[shown], **style)
+    axes.set_xlim(0.0, length)
     axes.margins(y=0.2)
     axes.legend(loc="upper right", ncols=2)
-    return figure
+    return figure, axes
 
 
 EXPERIMENT = Experiment(

@@ -15,7 +15,7 @@ import os
 import signal
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -136,23 +136,32 @@ class Lab:
         """Do the longest trials first; an error cancels those that wait."""
         assert self._pool is not None
         ordered = sorted(trials.items(), key=lambda named: -duration_of(named[1]))
-        futures: dict[Future, str] = {
-            self._pool.submit(reduced, self.bench, trial, reduce): name for name, trial in ordered
-        }
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        finally:
-            for future in futures:
-                future.cancel()
+        jobs = {name: (self.bench, trial, reduce) for name, trial in ordered}
+        return done_by(self._pool, reduced, jobs)
 
     def _file(self, experiment: str, name: str, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Path:
-        function = getattr(reduce, "func", reduce)
+        function = getattr(reduce, "func", reduce).__qualname__
         arguments = (getattr(reduce, "args", ()), getattr(reduce, "keywords", {}))
-        identity = repr((trial, function.__qualname__, arguments))
-        made_of = repr((self._fingerprint, self.bench.name, self.rate, identity))
+        bench = (self._fingerprint, self.bench.name, self.rate)
+        made_of = repr((*bench, trial, function, arguments))
         digest = hashlib.sha256(made_of.encode()).hexdigest()[:12]
         return self.folder / "parts" / experiment / f"{name}-{digest}.npz"
+
+
+def done_by(
+    pool: ProcessPoolExecutor, work: Callable[..., Any], jobs: Mapping[Any, tuple]
+) -> Iterator[tuple[Any, Any]]:
+    """Do work with the arguments of each job; return names and results as they come.
+
+    An error cancels the jobs that wait: the end of a pool waits for what is not cancelled.
+    """
+    futures = {pool.submit(work, *arguments): name for name, arguments in jobs.items()}
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
 
 
 def reduced(bench: Bench, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Part:
@@ -177,13 +186,12 @@ def _keep(file: Path, part: Part) -> None:
 
 
 def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """Return a pool of processes, by default one per available core."""
+    """Return a pool of processes, by default one per available core.
+
+    They ignore Ctrl-C: the parent handles it, waits for running trials and ends the pool.
+    """
     count = workers or len(os.sched_getaffinity(0))
     return ProcessPoolExecutor(
-        count, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare
-    )
-
-
-def _prepare() -> None:
-    """Ignore Ctrl-C; the parent handles it, waits for running trials and ends the pool."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip

@@ -139,13 +139,8 @@ def _anchor(title: str) -> str:
 def html_page(text: str, folder: Path) -> str:
     """Return the page of a Markdown text as one file, with the figures of `folder` in it."""
     body = MarkdownIt("commonmark").enable("table").render(text)
-    for verdict, kind in _ROW_KINDS.items():
-        cell = f"<td>{verdict}</td>\n</tr>"
-        parts = body.split(cell)
-        for index in range(len(parts) - 1):
-            before, _, row = parts[index].rpartition("<tr>")
-            parts[index] = f'{before}<tr class="{kind}">{row}'
-        body = cell.join(parts)
+    verdict = rf"<tr>(?=(?:(?!</tr>).)*<td>({'|'.join(_ROW_KINDS)})</td>\n</tr>)"  # in a last cell
+    body = re.sub(verdict, lambda m: f'<tr class="{_ROW_KINDS[m[1]]}">', body, flags=re.DOTALL)
     body = re.sub(r"<h2>(.*?)</h2>", lambda m: f'<h2 id="{_anchor(m[1])}">{m[1]}</h2>', body)
 
     def embedded(found: re.Match[str]) -> str:

@@ -4,7 +4,7 @@
 The error is what the hand feels beyond the spring and damper asked for, its true force less
 K x + B v of the true handle, over all samples as in `force_error`: in slow, fast and small motion,
 reaching, holding still, letting go, with an arm of 30 kg, a tremor, and on walls. The command
-`study` has the same trials on rigs drawn by seed (`planar_study`).
+`study` has the same trials on rigs drawn by seed.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..plant.patient import HandPath
 from ..settings import Setting
 from .figures import error_map
-from .force_error import wall
+from .force_error import WALLS, wall
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Experiment, Quantity, Result
+from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
 NAME = "planar_error"
@@ -60,19 +59,6 @@ def _case(
     return Case(text, PlanarTrial(law, path=path, duration=seconds, first=first, **more), figures)
 
 
-def _walls() -> dict[str, Case]:
-    found = {}
-    for power in (3, 4, 5, 6):
-        for word, ratio in (("well", 0.7), ("badly", 0.02)):
-            arm = wall(10.0**power, ratio, _WALL_MASS)
-            name, text = f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped"
-            found[name] = _case(text, hand_to(0.05), 5.0, 1.0, "shaking peak", arm=arm)
-            moved = _sine(0.003, 3.0)
-            found[f"{name}_moved"] = _case(f"{text}, moved by 3 mm", moved, 5.0, 0.0,
-                                           "shaking peak", arm=arm)  # fmt: skip
-    return found
-
-
 CASES = {
     "slow_x": _case("0.10 m at 0.8 rad/s along x", _sine(0.10, 0.8), 7.9, direction=0.0),
     "slow_y": _case("0.10 m at 0.8 rad/s along y", _sine(0.10, 0.8), 7.9, direction=_ALONG_Y),
@@ -94,7 +80,14 @@ CASES = {
                       released_after=3.0),
     "released_stiff": _case("a hand that lets go of 1000 N/m", hand_to(0.03), 8.0, 5.0, "travel",
                             1000.0, released_after=2.0),
-    **_walls(),
+    **{
+        f"{name}{end}": _case(f"{text}{more}", path, 5.0, first, "shaking peak",
+                              arm=wall(stiffness, ratio, _WALL_MASS))
+        for name, (text, stiffness, ratio) in WALLS.items()
+        for end, more, path, first in (
+            ("", "", hand_to(0.05), 1.0), ("_moved", ", moved by 3 mm", _sine(0.003, 3.0), 0.0),
+        )
+    },
 }  # fmt: skip
 
 
@@ -180,13 +173,15 @@ def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     }  # fmt: skip
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw the rms error of every trial with and without feedback as a map."""
-    kinds, cases = list(result.settings["kinds"]), list(result.settings["cases"])
-    rms = [[result.value(f"rms_{kind}_{case}") for case in cases] for kind in kinds]
-    labels = [f"feedback: {kind}" for kind in kinds]
+    cases = list(result.settings["cases"])
+    rows = {
+        f"feedback: {kind}": [result.value(f"rms_{kind}_{case}") for case in cases]
+        for kind in result.settings["kinds"]
+    }
     title = "Force in the plane beyond the impedance asked for, all samples"
-    return {"planar error": error_map(np.array(rms), labels, cases, title)}
+    return {"planar error": error_map(rows, cases, title)}
 
 
 EXPERIMENT = Experiment(

@@ -218,7 +218,8 @@ def plane_samples(
         velocity_settled(counted(arm.elbow, params.radian)), 0.0, 0.0, Palm(x, y, 0.0, 0.0),
         Felt(0.0, 0.0, *seeded(seed)), np.zeros((whole + 1, 2)),
     )  # fmt: skip
-    _, state = _ticks(_along(params, trial, _before(trial.path)), state, _SETTLE_S)
+    to_start = HandPath(0.0, trial.path.start, 0.0, 0.5 * _SETTLE_S, 0.0, 0.0, 0.0)
+    _, state = _ticks(_along(params, trial, to_start), state, _SETTLE_S)
     held = min(trial.duration, trial.released_after)
     params = _along(params, trial, trial.path)
     rows, state = _ticks(params, state._replace(ticks=0), held)
@@ -245,13 +246,12 @@ def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
     steps = round(1.0 / loop.rate / dt)
     arm = arm_force(HumanArm("active", *trial.arm, 0.0), world.vertical.gravity)
     soft = trial.grip.stiffness > 0.0
-    still = resting(0.0)
     return PlaneParams(
         planar_params(world.planar, trial.grip if soft else arm, dt),
         trial.settings.validated(),
         *trial.centre,
-        still,
-        still,
+        resting(0.0),
+        resting(0.0),
         lowpass_coefficients(loop.cutoff, 1.0 / loop.rate),
         period=steps * dt,
         radian=world.start.joint_resolution,
@@ -265,20 +265,14 @@ def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
     )
 
 
-def _before(path: HandPath) -> HandPath:
-    """Return the path of a virtual hand that waits at the start of another, or goes there."""
-    if path.start == 0.0:
-        return resting(0.0)
-    return HandPath(0.0, path.start, 0.0, 0.5 * _SETTLE_S, 0.0, 0.0, 0.0)
-
-
 def _along(params: PlaneParams, trial: PlanarTrial, path: HandPath) -> PlaneParams:
     """Return the parameters with a path of the hand in the trial's direction."""
-    ways = []
     shares = math.cos(trial.direction), math.sin(trial.direction)
-    for centre, share in zip(trial.centre, shares, strict=True):
-        ways.append(path._replace(
+    x, y = (
+        path._replace(
             start=centre + path.start * share, target=centre + path.target * share,
             amplitude=path.amplitude * share, tremor=path.tremor * share,
-        ))  # fmt: skip
-    return params._replace(path_x=ways[0], path_y=ways[1])
+        )
+        for centre, share in zip(trial.centre, shares, strict=True)
+    )  # fmt: skip
+    return params._replace(path_x=x, path_y=y)

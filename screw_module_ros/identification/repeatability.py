@@ -6,13 +6,12 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from ..figure_style import COLOURS
 from ..settings import Setting
+from .figures import COLOURS, panels
 from .friction_map import FORCE, HEIGHT
-from .lab import Lab, Part
-from .results import STAGE, Experiment, Quantity, Result
+from .lab import Lab
+from .results import STAGE, Drawn, Experiment, Quantity, Result
 from .stage_runs import CENTRES_MM, binned, stage_run, too_near
 from .trials import DIRECTIONS, StageTrial
 
@@ -48,11 +47,23 @@ def run(lab: Lab, settings: Settings) -> Result:
         trials |= {f"{direction}_1": run, f"{direction}_2": again}
     parts = lab.record(NAME, trials, binned)
     data = {"centres": CENTRES_MM}
-    quantities = []
+    quantities: list[Quantity] = []
     for direction, _ in DIRECTIONS:
         first, second = (parts[f"{direction}_{number}"] for number in (1, 2))
         data[direction] = np.array([first["force"], second["force"]])
-        quantities += _compared(direction, first, second)
+        fewer = np.minimum(first["count"], second["count"])
+        beyond = (second["force"] - first["force"])[fewer > _WHOLE * np.median(fewer)]
+        beyond = beyond[np.isfinite(beyond)]
+        spread, count = float(beyond.std(ddof=1)), len(beyond)
+        noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))
+        quantities += [
+            Quantity(f"deviation_{direction}", spread, spread / np.sqrt(2.0 * (count - 1)), "N",
+                     f"standard deviation of the difference, {direction}"),
+            Quantity(f"difference_{direction}", float(beyond.mean()), spread / np.sqrt(count), "N",
+                     f"mean difference, second minus first, {direction}"),
+            Quantity(f"noise_{direction}", noise, np.nan, "N",
+                     f"difference that noise makes, {direction}"),
+        ]  # fmt: skip
     notes = (
         "On a simulated module friction repeats exactly; only the transducer's noise and zero "
         "differ. On a real module the difference limits the accuracy of every map.",
@@ -60,45 +71,18 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 
 
-def _compared(direction: str, first: Part, second: Part) -> list[Quantity]:
-    fewer = np.minimum(first["count"], second["count"])
-    beyond = np.where(fewer > _WHOLE * np.median(fewer), second["force"] - first["force"], np.nan)
-    noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))
-    known = np.isfinite(beyond)
-    count = int(known.sum())
-    spread = float(beyond[known].std(ddof=1))
-    return [
-        Quantity(
-            f"deviation_{direction}", spread, spread / np.sqrt(2.0 * (count - 1)), "N",
-            f"standard deviation of the difference, {direction}",
-        ),
-        Quantity(
-            f"difference_{direction}", float(beyond[known].mean()), spread / np.sqrt(count), "N",
-            f"mean difference, second minus first, {direction}",
-        ),
-        Quantity(
-            f"noise_{direction}", noise, float("nan"), "N",
-            f"difference that noise makes, {direction}",
-        ),
-    ]  # fmt: skip
-
-
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figure 5-15, with the difference of the two runs."""
     speed = result.settings["speed"] * 1e3
     centres, (first, second) = result.data["centres"], result.data["up"]
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    figure, (above, below) = panels(2, 1, (7.2, 5.4), sharex=True, height_ratios=(3, 1))
     above.plot(centres, first, color=COLOURS[0], label="first run")
     above.plot(centres, second, color=COLOURS[2], linestyle="--", label="second run")
-    above.set_ylabel(FORCE)
-    above.set_title(f"Fig. 5-15: two runs upward, {speed:g} mm/s", loc="left")
+    above.set(ylabel=FORCE, title=f"Fig. 5-15: two runs upward, {speed:g} mm/s")
     above.legend(loc="upper left")
     below.plot(centres, second - first, color=COLOURS[0])
     below.axhline(0.0, color="#888888", linewidth=0.6)
-    below.set_ylabel("difference [N]")
-    below.set_xlabel(HEIGHT)
-    below.set_xlim(0.0, 355.0)
+    below.set(xlabel=HEIGHT, ylabel="difference [N]", xlim=(0.0, 355.0))
     return {"5-15": figure}
 
 

@@ -71,14 +71,6 @@ class Criterion(NamedTuple):
     relative: bool = False
 
 
-def _weight(module: Module) -> float:
-    return module.world.vertical.moving_mass * module.world.vertical.gravity
-
-
-def _mass(module: Module) -> float:
-    return module.world.vertical.moving_mass + module.world.vertical.turning_mass
-
-
 WANTED = (
     Criterion("static_torque", "largest_at_handle", lambda m: 0.0, 1.5),
     Criterion("static_torque", "correlation", None, 0.9999),
@@ -91,12 +83,18 @@ WANTED = (
     Criterion("current_response", "delay", lambda m: m.loop.command_delay, 250e-6),
     Criterion("torque_response", "delay", lambda m: m.loop.command_delay, 250e-6),
     Criterion("torque_response", "damping", lambda m: m.world.transducer.damping, 0.10, True),
-    Criterion("gravity", "gravity", _weight, 0.3),
+    Criterion(
+        "gravity", "gravity",
+        lambda m: m.world.vertical.moving_mass * m.world.vertical.gravity, 0.3,
+    ),
     Criterion("gravity", "play", lambda m: m.world.vertical.play, 2e-5),
     Criterion("friction_model", "within", None, 0.9),
-    Criterion("inertia", "mass", _mass, 0.10, True),
+    Criterion(
+        "inertia", "mass",
+        lambda m: m.world.vertical.moving_mass + m.world.vertical.turning_mass, 0.10, True,
+    ),
     Criterion("planar_error", "gain_fast_x", None, 1.3),
-)
+)  # fmt: skip
 """Hidden values and marks; no experiment sees them. Gravity 0.3 N, mass 10 %, friction 90 % within
 2 N, correlation 0.9999, pole 5 %, delay half a sample; the others are ours."""
 

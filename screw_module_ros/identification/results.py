@@ -103,11 +103,15 @@ class Result(NamedTuple):
         return [text, arrays]
 
 
+Drawn = dict[str, Figure]
+"""Figures by title."""
+
+
 class Experiment(NamedTuple):
     """One experiment.
 
     text: one-line description; settings: NamedTuple of its settings; run: (lab, settings) ->
-    Result; draw: result -> figures by title; fixture: required mounting of handle or rotor; needs:
+    Result; draw: of its figures; fixture: required mounting of handle or rotor; needs:
     experiments whose results it reads.
     """
 
@@ -115,7 +119,7 @@ class Experiment(NamedTuple):
     text: str
     settings: type
     run: Callable[[Any, Any], Result]
-    draw: Callable[[Result], dict[str, Figure]]
+    draw: Callable[[Result], Drawn]
     fixture: str
     needs: tuple[str, ...] = ()
 
@@ -125,7 +129,7 @@ LOCKED_ROTOR, STAGE, HUMAN_ARM, ANALYZER, NOTHING = (
 )  # fmt: skip
 
 
-def no_figures(result: Result) -> dict[str, Figure]:
+def no_figures(result: Result) -> Drawn:
     """Draw nothing."""
     return {}
 

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .lab import Lab, MissingResult, Part
+from .results import Quantity
 from .static_torque import desired_torque
 from .trials import Samples, TorqueTrial
 
@@ -55,13 +56,9 @@ class Fit(NamedTuple):
     errors: np.ndarray
     misfit: float
 
-
-class Amplifier(NamedTuple):
-    """Assumed amplifier: pole [Hz], delay [s], and a note about their source."""
-
-    pole: float
-    delay: float
-    note: str
+    def quantity(self, number: int, name: str, unit: str, text: str) -> Quantity:
+        """Return one of the values as a quantity."""
+        return Quantity(name, float(self.values[number]), float(self.errors[number]), unit, text)
 
 
 WIRE = Chain(1.0, ())
@@ -283,42 +280,40 @@ def torque_sweep(
 
 def torque_part(trial: TorqueTrial, samples: Samples) -> Part:
     """Return the response of torque to desired torque."""
-    return _part(trial, samples, samples.torque)
+    commanded = desired_torque(trial.linearization, samples.command)
+    return response_part(trial.frequency, samples.time, commanded, samples.torque, drift=True)
 
 
 def current_part(trial: TorqueTrial, samples: Samples) -> Part:
     """Return the response of the current sensor to desired torque [V/Nm]."""
-    return _part(trial, samples, samples.current)
+    return torque_part(trial, samples._replace(torque=samples.current))
 
 
-def _part(trial: TorqueTrial, samples: Samples, answer: np.ndarray) -> Part:
-    kept = samples.time >= SETTLE_S
-    commanded = desired_torque(trial.linearization, samples.command)
-    found = response(samples.time[kept], commanded[kept], answer[kept], trial.frequency, drift=True)
-    return {
-        "value": np.array(found.value),
-        "error": np.array(found.error),
-    }
+def response_part(
+    frequency: float, time: np.ndarray, excitation: np.ndarray, answer: np.ndarray,
+    settle: float = SETTLE_S, drift: bool = False,
+) -> Part:  # fmt: skip
+    """Return the `response` after `settle` [s] as arrays."""
+    kept = time >= settle
+    found = response(time[kept], excitation[kept], answer[kept], frequency, drift)
+    return {"value": np.array(found.value), "error": np.array(found.error)}
 
 
 def sweep_of(parts: Mapping[str, Part]) -> tuple[np.ndarray, np.ndarray]:
     """Return the responses of a sweep and their standard errors, in the order of the trials."""
-    value, error = (
-        np.array([part[name] for part in parts.values()]) for name in ("value", "error")
+    return (
+        np.array([part["value"] for part in parts.values()]),
+        np.array([part["error"] for part in parts.values()]),
     )
-    return value, error
 
 
-def known_amplifier(lab: Lab, pole: float, delay: float) -> Amplifier:
-    """Return the amplifier as measured in this lab, else with this pole [Hz] and delay [s]."""
+def known_amplifier(lab: Lab, pole: float, delay: float) -> tuple[float, float, str]:
+    """Return pole [Hz] and delay [s] of the amplifier as measured in this lab, else these, and a
+    note about their source."""
     try:
         found = lab.result("amplifier_response")
     except MissingResult:
-        return Amplifier(
-            pole, delay, f"Amplifier as in the settings: {pole:g} Hz, {1e6 * delay:g} us."
-        )
+        return pole, delay, f"Amplifier as in the settings: {pole:g} Hz, {1e6 * delay:g} us."
     pole, delay = found.value("pole"), found.value("delay")
-    return Amplifier(
-        pole, delay, f"Amplifier as measured by {found.experiment}: {pole:.4g} Hz, "
-        f"{1e6 * delay:.3g} us.",
-    )  # fmt: skip
+    note = f"Amplifier as measured by {found.experiment}: {pole:.4g} Hz, {1e6 * delay:.3g} us."
+    return pole, delay, note

@@ -17,7 +17,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.signal import cont2discrete
 
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
@@ -189,20 +189,16 @@ def radius(plant: Linear, sampling: Sampling, law: Law) -> float:
     waiting = int(sampling.delay * sampling.rate * (1.0 + 1e-12)) + 1
     n, m = _STATES, len(a)
     size = n + m + waiting
-    closed = np.zeros((size, size))
-    command = np.zeros(size)
-    command[:n] = d @ outputs
-    command[n : n + m] = c
+    closed, waits = np.zeros((size, size)), np.eye(size)[n + m :]
+    command = np.concatenate((d @ outputs, c, np.zeros(waiting)))
     # The first waiting command is the newest; the last two act within this period.
     closed[:n, :n] = step
-    late = np.eye(size)[n + m + waiting - 1]
-    new = command if waiting == 1 else np.eye(size)[n + m + waiting - 2]
-    closed[:n] += np.outer(before, late) + np.outer(after, new)
+    new = command if waiting == 1 else waits[-2]
+    closed[:n] += np.outer(before, waits[-1]) + np.outer(after, new)
     closed[n : n + m, :n] = b @ outputs
     closed[n : n + m, n : n + m] = a
     closed[n + m] = command
-    for k in range(1, waiting):
-        closed[n + m + k, n + m + k - 1] = 1.0
+    closed[n + m + 1 :, n + m : -1] = np.eye(waiting - 1)
     return float(np.abs(np.linalg.eigvals(closed)).max())
 
 
@@ -215,12 +211,12 @@ def sampled(mechanism: Mechanism, environment: Arm, sampling: Sampling) -> Linea
     dynamics, push = _continuous(mechanism, environment)
     period = 1.0 / sampling.rate
     part = math.fmod(sampling.delay, period)
-    first, first_input = _held(dynamics, push, part)
-    second, second_input = _held(dynamics, push, period - part)
-    outputs = np.zeros((2, _STATES))
-    outputs[0, _N] = 1.0
-    outputs[1, _F] = 1.0
-    return second @ first, second @ first_input, second_input, outputs
+    outputs = np.eye(_STATES)[[_N, _F]]
+    (first, before), (second, after) = (
+        cont2discrete((dynamics, push[:, None], outputs, np.zeros((2, 1))), time)[:2]
+        for time in (part, period - part)
+    )
+    return second @ first, second @ before[:, 0], after[:, 0], outputs
 
 
 def _continuous(m: Mechanism, e: Arm) -> tuple[np.ndarray, np.ndarray]:
@@ -255,15 +251,6 @@ def _continuous(m: Mechanism, e: Arm) -> tuple[np.ndarray, np.ndarray]:
     push = np.zeros(_STATES)
     push[_C] = pole
     return a, push
-
-
-def _held(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return transition matrix and input over a time [s] with a constant command."""
-    n = len(a)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b
-    found = expm(whole * time)
-    return found[:n, :n], found[:n, n]
 
 
 def largest_gain(

@@ -13,24 +13,17 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..calibration.certificate import conditions_of, law_version
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting, validated
 from . import gravity, inertia
+from .figures import COLOURS, DESIRED, panels
 from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
-from .results import DERIVED, HUMAN_ARM, Experiment, Quantity, Result
-from .sampled_loop import (
-    MOST,
-    Law,
-    Mechanism,
-    Sampling,
-    largest_gain,
-)
+from .results import DERIVED, HUMAN_ARM, Drawn, Experiment, Quantity, Result
+from .sampled_loop import MOST, Law, Mechanism, Sampling, largest_gain
 from .trials import TRUTH, Arm, MotionTrial
 
 NAME = "stability"
@@ -91,30 +84,36 @@ def run(lab: Lab, settings: Settings) -> Result:
     for name, (text, environment) in ENVIRONMENTS.items():
         given = (mechanism, environment, sampling)
         for law_name, law in (("feedback", feedback), ("observer", observer)):
-            gain = largest_gain(*given, law)
-            where = f"{law_name}, {text}"
-            quantities.append(_predicted(f"{law_name}_{name}", gain, where))
+            gain, where = largest_gain(*given, law), f"{law_name}, {text}"
+            half = 0.005 * gain if 0.0 < gain < math.inf else math.nan  # of the last interval
+            what = f"largest stable gain predicted, {where}"
             if gain <= 0.0:
                 notes.append(f"{where}: no gain is stable.")
             elif math.isfinite(gain):
                 costs = limits(*given, law)
                 data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
-                worst = max(costs, key=lambda cost: costs[cost])
-                notes.append(f"{where}: limited by {worst}; {_costs_text(costs)}.")
+                listed = ", ".join(f"{cost} x{factor:.2g}" for cost, factor in costs.items())
+                notes.append(f"{where}: limited by {max(costs, key=costs.__getitem__)}; {listed}.")
             else:
+                what += f"; none up to {MOST:g} is unstable"
                 notes.append(f"{where}: no gain up to {MOST:g} is unstable.")
+            quantities.append(Quantity(f"{law_name}_{name}", gain, half, "", what, DERIVED))
         predicted = min(quantities[-2].value, _MOST)
-        quantities += _by_hand(name, text, *given, settings.cutoff)
+        by_hand = hand_formula(*given, settings.cutoff)
+        if not math.isnan(by_hand):  # it applies
+            what = f"largest stable gain by the hand formula, feedback, {text}"
+            quantities.append(Quantity(f"formula_{name}", by_hand, math.nan, "", what, DERIVED))
         if settings.simulated and TRUTH in lab.bench.offers and environment.mass > 0.0:
-            low, high = _onset(lab, name, environment, predicted, settings.cutoff)
-            quantities.append(_found(name, text, low, high))
+            quantities.append(_onset(lab, name, text, environment, predicted, settings.cutoff))
     plain = observer._replace(settings=observer.settings._replace(observer_inertia=0.0))
     curves = dict(zip(CURVES, (feedback, observer, plain), strict=True))
     data |= _curves(mechanism, sampling, curves)
     used = conditions_of(usual, *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
-    in_force |= {"law_version": law_version(), "masses": _origin(lab)}
+    identified = NOMINAL if _identified(lab) is None else IDENTIFIED
+    masses = SIMULATED if TRUTH in lab.bench.offers else identified
+    in_force |= {"law_version": law_version(), "masses": masses}
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
@@ -132,15 +131,6 @@ def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[Law, Law]:
     """Return force feedback and OBSERVER."""
     feedback = Law(modes.FORCE_FEEDBACK, usual, velocity_cutoff)
     return feedback, feedback._replace(mode=modes.OBSERVER)
-
-
-def _predicted(name: str, gain: float, where: str) -> Quantity:
-    """Return a gain with half of the search's last interval as its uncertainty."""
-    text = f"largest stable gain predicted, {where}"
-    if math.isinf(gain):
-        text = f"{text}; none up to {MOST:g} is unstable"
-        return Quantity(name, gain, math.nan, "", text, DERIVED)
-    return Quantity(name, gain, 0.005 * gain or math.nan, "", text, DERIVED)
 
 
 def limits(
@@ -202,19 +192,6 @@ def hand_formula(
     return gain * (1.0 - (low / resonance) ** 2)
 
 
-def _by_hand(
-    name: str, text: str, mechanism: Mechanism, environment: Arm, sampling: Sampling,
-    cutoff: float,
-) -> list[Quantity]:  # fmt: skip
-    """Return the formula's gain, nothing if the formula does not apply."""
-    gain = hand_formula(mechanism, environment, sampling, cutoff)
-    if math.isnan(gain):
-        return []
-    return [Quantity(f"formula_{name}", gain, math.nan, "",
-                     f"largest stable gain by the hand formula, feedback, {text}",
-                     DERIVED)]  # fmt: skip
-
-
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
     """Return mechanism, sampling and cut-off of the velocity filter [Hz].
 
@@ -222,16 +199,17 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
     """
     if TRUTH not in lab.bench.offers:
         settings = _weighed(lab, settings)
-        mechanism = Mechanism(**_shared(settings))
-        return mechanism, Sampling(settings.rate, settings.delay), settings.velocity_cutoff
+        sampling = Sampling(settings.rate, settings.delay)
+        return Mechanism(**_shared(settings)), sampling, settings.velocity_cutoff
     module: Any = lab.bench  # a simulated one, which offers TRUTH
     world, loop = module.world, module.loop
-    v, a = world.vertical, world.amplifier
     mechanism = Mechanism(
-        v.turning_mass, v.moving_mass, amplifier=a.bandwidth, transducer=world.sensor.bandwidth,
-        **_shared(v),
+        world.vertical.turning_mass, world.vertical.moving_mass,
+        amplifier=world.amplifier.bandwidth, transducer=world.sensor.bandwidth,
+        **_shared(world.vertical),
     )  # fmt: skip
-    return mechanism, Sampling(loop.rate, loop.command_delay + a.delay), loop.cutoff
+    delay = loop.command_delay + world.amplifier.delay
+    return mechanism, Sampling(loop.rate, delay), loop.cutoff
 
 
 def _shared(record: tuple) -> dict[str, float]:
@@ -246,13 +224,6 @@ def _identified(lab: Lab) -> tuple[float, float] | None:
         return weight, lab.result(inertia.NAME).value("mass")
     except MissingResult:
         return None
-
-
-def _origin(lab: Lab) -> str:
-    """Return whose masses the mechanism has."""
-    if TRUTH in lab.bench.offers:
-        return SIMULATED
-    return NOMINAL if _identified(lab) is None else IDENTIFIED
 
 
 def _weighed(lab: Lab, settings: Settings) -> Settings:
@@ -270,37 +241,28 @@ def _weighed(lab: Lab, settings: Settings) -> Settings:
 
 def law_of(lab: Lab) -> VerticalSettings:
     """Return the law as a controller has it with the lab's calibration, else with the defaults."""
-    law = VerticalSettings()
     found = _identified(lab)
-    return law if found is None else law.calibrated(*found)
-
-
-def _costs_text(costs: dict[str, float]) -> str:
-    return ", ".join(f"{name} x{factor:.2g}" for name, factor in costs.items())
+    return VerticalSettings().calibrated(*found) if found else VerticalSettings()
 
 
 def _onset(
-    lab: Lab, name: str, environment: Arm, predicted: float, cutoff: float
-) -> tuple[float, float]:
-    """Return the largest tested gain without chatter and the smallest with it, inf for none."""
-    gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
+    lab: Lab, name: str, text: str, environment: Arm, predicted: float, cutoff: float
+) -> Quantity:
+    """Return the gain at which the simulated module without play chatters, if one does."""
     trials = {
         f"{name}_{gain:.3g}": MotionTrial(
             modes.FORCE_FEEDBACK,
             VerticalSettings(force_gain=gain, force_cutoff=cutoff, chatter_limit=_MOST),
             arm=environment, amplitude=0.05, duration=8.0, preloaded=True,
         )
-        for gain in gains
+        for gain in (share * predicted for share in _RAISED) if gain <= _MOST
     }  # fmt: skip
-    return onset(rows_of(lab.record(NAME, trials, reduced), trials), _CHATTER)
-
-
-def _found(name: str, text: str, low: float, high: float) -> Quantity:
+    low, high = onset(rows_of(lab.record(NAME, trials, reduced), trials), _CHATTER)
     if math.isinf(high):
-        condition = f"largest gain tried on the simulated module; it did not chatter, {text}"
-        return Quantity(f"simulated_{name}", low, math.nan, "", condition)
-    condition = f"gain at which the simulated module without play chatters, {text}"
-    return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", condition)
+        what = f"largest gain tried on the simulated module; it did not chatter, {text}"
+        return Quantity(f"simulated_{name}", low, math.nan, "", what)
+    what = f"gain at which the simulated module without play chatters, {text}"
+    return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", what)
 
 
 def _curves(
@@ -310,9 +272,7 @@ def _curves(
 
     0 where no gain is stable.
     """
-    delays = np.linspace(0.1e-3, 4e-3, 14)
-    masses = np.geomspace(0.3, 50.0, 14)
-    hand = Arm()
+    delays, masses, hand = np.linspace(0.1e-3, 4e-3, 14), np.geomspace(0.3, 50.0, 14), Arm()
     found = {"delays": delays, "masses": masses}
     for name, law in laws.items():
         found[f"delay_{name}"] = np.array(
@@ -324,11 +284,10 @@ def _curves(
     return found
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Draw the largest stable gain over the delay and over the mass of the arm at the handle."""
     data = result.data
-    figure = Figure(figsize=(8.6, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure, (left, right) = panels(1, 2, (8.6, 4.6), sharey=True)
     for number, (name, label) in enumerate(CURVES.items()):
         style = {"color": COLOURS[number], "label": label, "marker": "o", "markersize": 2.5,
                  "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}  # fmt: skip
@@ -340,16 +299,13 @@ def draw(result: Result) -> dict[str, Figure]:
             if (low := gains < _SHOWN).any():
                 axes.plot(x[low], np.full(low.sum(), 1.1 * _SHOWN), "v", color=COLOURS[number],
                           markerfacecolor="none", markersize=5)  # fmt: skip
-    for axes, label in ((left, "delay from sample to current [ms]"),
-                        (right, "mass of the arm at the handle [kg]")):  # fmt: skip
+    for axes in (left, right):
         axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")
         axes.set_yscale("log")
-        axes.set_xlabel(label)
-    right.set_xscale("log")
-    left.set_ylim(bottom=0.9 * _SHOWN)
-    left.set_ylabel("largest stable force gain")
-    left.set_title("A hand of 3 kg", loc="left")
-    right.set_title("The loop's own delay", loc="left")
+    left.set(title="A hand of 3 kg", xlabel="delay from sample to current [ms]",
+             ylabel="largest stable force gain", ylim=(0.9 * _SHOWN, None))  # fmt: skip
+    right.set(title="The loop's own delay", xlabel="mass of the arm at the handle [kg]",
+              xscale="log")  # fmt: skip
     if any((gains < _SHOWN).any() for key, gains in data.items() if key.startswith("mass_")):
         said = right.text(
             0.04, 0.1, "triangles: less than 1, or none. The force\n"

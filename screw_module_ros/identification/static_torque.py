@@ -12,17 +12,15 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
 from ..control.linearization import SMALLEST_JOINT, Line, Linearization, torque_command
-from ..figure_style import COLOURS
 from ..geometry import torque_to_force
 from ..settings import Setting, validated
-from .figures import axes_for, printed
+from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
-from .results import LOCKED_ROTOR, Experiment, Published, Quantity, Result, beside
+from .results import LOCKED_ROTOR, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import Samples, TorqueTrial
 
 NAME = "static_torque"
@@ -81,9 +79,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     trial = TorqueTrial(settings.omega / (2.0 * math.pi), settings.amplitude, settings.duration)
     raw = lab.record(NAME, {"raw": trial}, reduced)["raw"]
     torque, command = _smoothed(raw, settings)
-    fewer = _fewer(raw, settings)
-    fit = fit_pieces(torque, command)
-    fit = fit._replace(errors=fit.errors * fewer, joint_errors=fit.joint_errors * fewer)
+    # About 2 x cutoff of the filtered samples of a second are independent.
+    fewer = math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
+    fit = fit_pieces(torque, command, fewer)
     again = trial._replace(linearization=fit.linearization)
     linear = lab.record(NAME, {"linearized": again}, reduced)["linearized"]
     desired = desired_torque(fit.linearization, linear["command"])
@@ -141,14 +139,6 @@ def _rate(raw: Part) -> float:
     return 1.0 / float(raw["time"][1] - raw["time"][0])
 
 
-def _fewer(raw: Part, settings: Settings) -> float:
-    """Return the factor of the standard errors for the correlation of filtered samples.
-
-    About 2 x cutoff samples per second are independent.
-    """
-    return math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
-
-
 def _asymptotes(
     torque: np.ndarray, command: np.ndarray, settings: Settings, fewer: float
 ) -> tuple[Quantity, ...]:
@@ -182,16 +172,15 @@ def _found(fit: Pieces) -> tuple[Quantity, ...]:
     low, low_slope, high, high_slope = fit.errors
     low_offset = math.hypot(low, low_slope * lower_joint)
     high_offset = math.hypot(high, high_slope * upper_joint)
-    nan = math.nan
     return (
         Quantity("lower_joint", lower_joint, fit.joint_errors[0], "Nm", "line meets cubic"),
         Quantity("upper_joint", upper_joint, fit.joint_errors[1], "Nm", "cubic meets line"),
         Quantity("lower_slope", lower.slope, low_slope, "", "of the lower line"),
         Quantity("lower_offset", lower.offset_Nm, low_offset, "Nm", "of the lower line"),
-        Quantity("cubic_3", c3, nan, "1/Nm^2", "of the cubic between the joints"),
-        Quantity("cubic_2", c2, nan, "1/Nm", "of the cubic"),
-        Quantity("cubic_1", c1, nan, "", "of the cubic"),
-        Quantity("cubic_0", c0, nan, "Nm", "of the cubic"),
+        Quantity("cubic_3", c3, math.nan, "1/Nm^2", "of the cubic between the joints"),
+        Quantity("cubic_2", c2, math.nan, "1/Nm", "of the cubic"),
+        Quantity("cubic_1", c1, math.nan, "", "of the cubic"),
+        Quantity("cubic_0", c0, math.nan, "Nm", "of the cubic"),
         Quantity("upper_slope", upper.slope, high_slope, "", "of the upper line"),
         Quantity("upper_offset", upper.offset_Nm, high_offset, "Nm", "of the upper line"),
     )  # fmt: skip
@@ -201,9 +190,7 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
     before = float(np.corrcoef(raw["command"], raw["torque"])[0, 1])
     after = float(np.corrcoef(desired, torque)[0, 1])
     slope, offset = np.polyfit(desired, torque, 1)
-    left = float(np.std(torque - slope * desired - offset))
-    error = left / (math.sqrt(len(desired)) * float(np.std(desired)))
-    count = math.sqrt(len(desired))
+    left, count = float(np.std(torque - slope * desired - offset)), math.sqrt(len(desired))
     return (
         Quantity("correlation", after, (1.0 - after**2) / count, "",
                  "of torque with desired torque, linearized"),
@@ -211,7 +198,8 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
                  "of that correlation to 1; the thesis has a correlation of 0.99996"),
         Quantity("correlation_raw", before, (1.0 - before**2) / count, "",
                  "of torque with command, as it is"),
-        Quantity("slope", float(slope), error, "", "torque per desired torque, linearized"),
+        Quantity("slope", float(slope), left / (count * float(np.std(desired))), "",
+                 "torque per desired torque, linearized"),
         Quantity("left_over", left, left / math.sqrt(2.0) / count, "Nm",
                  "standard deviation of torque about that line, noise included"),
     )  # fmt: skip
@@ -219,11 +207,11 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
 
 def _largest(linear: Part, fit: Pieces, settings: Settings) -> tuple[Quantity, ...]:
     torque, command = _smoothed(linear, settings)
-    off = np.abs(torque - desired_torque(fit.linearization, command))
+    off = float(np.abs(torque - desired_torque(fit.linearization, command)).max())
     return (
-        Quantity("largest_left", float(off.max()), math.nan, "Nm",
+        Quantity("largest_left", off, math.nan, "Nm",
                  "largest difference of smoothed torque from desired torque, linearized"),
-        Quantity("largest_at_handle", torque_to_force(float(off.max())), math.nan, "N",
+        Quantity("largest_at_handle", torque_to_force(off), math.nan, "N",
                  "the same as a force at the handle; one step of object 6071 is 0.14 N"),
     )  # fmt: skip
 
@@ -246,13 +234,13 @@ def _notes(fit: Pieces, settings: Settings) -> tuple[str, ...]:
     )
 
 
-def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
+def fit_pieces(torque: np.ndarray, command: np.ndarray, fewer: float = 1.0) -> Pieces:
     """Fit line, cubic, line of command [Nm] over torque [Nm], continuous, by least squares.
 
     For fixed joints the problem is linear: values and slopes of both lines at their joints, and the
     cubic as the chord between them plus (T - low)(T - high)(p + q T). An outer optimisation finds
-    the joints. Raises ValueError if the torques do not determine the fit or the command does not
-    increase.
+    the joints. fewer: factor of the standard errors for samples that are not independent. Raises
+    ValueError if the torques do not determine the fit or the command does not increase.
     """
     reach = min(-float(torque.min()), float(torque.max()))
     if reach < 3.0 * _GRID[0]:
@@ -264,20 +252,30 @@ def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
     def left(joints: np.ndarray) -> np.ndarray:
         return _linear_part(joints, torque, command)[1]
 
-    grid = [np.array([-joint, joint]) for joint in _GRID if joint < _REACH[1] * reach]
-    start = min(grid, key=lambda joints: float(np.sum(left(joints) ** 2)))
     low, high = _REACH[0], _REACH[1] * reach
+    grid = [np.array([-joint, joint]) for joint in _GRID if joint < high]
+    start = min(grid, key=lambda joints: float(np.sum(left(joints) ** 2)))
     found = least_squares(
         left, start, bounds=([-high, low], [-low, high]), x_scale=0.01, diff_step=1e-3
     )
     numbers, residual, basis = _linear_part(found.x, torque, command)
-    spread = float(np.std(residual))
-    return Pieces(
-        validated(_map(found.x, numbers)),
-        spread * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))[:4],
-        spread * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac))),
-        spread,
+    spread, (low, high) = float(np.std(residual)), found.x.tolist()
+    lower, lower_slope, upper, upper_slope, p, q = numbers.tolist()
+    chord = (upper - lower) / (high - low)
+    cubic = np.polyadd(
+        np.polymul(np.poly([low, high]), [q, p]), [chord, lower - chord * low]
     )
+    return Pieces(
+        validated(Linearization(
+            (low, high),
+            Line(lower_slope, lower - lower_slope * low),
+            tuple(cubic.tolist()),
+            Line(upper_slope, upper - upper_slope * high),
+        )),
+        spread * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))[:4] * fewer,
+        spread * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac))) * fewer,
+        spread,
+    )  # fmt: skip
 
 
 def _linear_part(
@@ -316,64 +314,43 @@ def commands(linearization: Linearization, torques: np.ndarray) -> np.ndarray:
     return np.array([torque_command(linearization, float(torque)) for torque in torques])
 
 
-def _map(joints: np.ndarray, numbers: np.ndarray) -> Linearization:
-    low, high = map(float, joints)
-    lower, lower_slope, upper, upper_slope, p, q = map(float, numbers)
-    chord = (upper - lower) / (high - low)
-    cubic = np.polyadd(
-        np.polymul(np.poly([low, high]), [q, p]), [chord, lower - chord * low]
-    )
-    return Linearization(
-        (low, high),
-        Line(lower_slope, lower - lower_slope * low),
-        tuple(cubic.tolist()),
-        Line(upper_slope, upper - upper_slope * high),
-    )
-
-
 def measured_linearization(lab: Lab) -> Linearization:
     """Return the linearization measured in this lab. Raises MissingResult."""
     return linearization_of(lab.result(NAME))
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figs 4-2 to 4-4."""
-    d = result.data
-    raw = f"correlation {result.value('correlation_raw'):.5f}"
-    after = f"correlation {result.value('correlation'):.5f}"
+    d, v = result.data, result.value
     first, axes = axes_for("commanded current [A]", "torque [Nm]",
                            "Fig. 4-2: torque against commanded current")  # fmt: skip
-    _dots(axes, d["command"], d["torque"], f"measured, {raw}")
+    _dots(axes, d["command"], d["torque"], f"measured, correlation {v('correlation_raw'):.5f}")
     zone = THESIS["dead_zone"].value / THESIS["torque_constant"].value
     printed(axes, [-zone, zone], [0.0, 0.0], "dead zone, 4.1.1")
     axes.legend()
     second, axes = axes_for("desired torque [Nm]", "commanded current [A]",
                             "Fig. 4-3: commanded current against desired torque")  # fmt: skip
-    _dots(axes, d["torque"], d["command"], "measured")
-    axes.plot(d["fit_torque"], d["fit_command"], color=_THIRD, lw=1.6, label="line, cubic, line")
-    joints = [result.value("lower_joint"), result.value("upper_joint")]
+    closeup = axes.inset_axes((0.62, 0.1, 0.36, 0.4))
+    for part, label in ((axes, "measured"), (closeup, "")):
+        _dots(part, d["torque"], d["command"], label)
+        part.plot(d["fit_torque"], d["fit_command"], color=_THIRD, lw=1.6,
+                  label="line, cubic, line")  # fmt: skip
+    joints = [v("lower_joint"), v("upper_joint")]
     at = np.interp(joints, d["fit_torque"], d["fit_command"])
     axes.plot(joints, at, "o", color=_THIRD, mfc="white", label="joints", zorder=4)
     axes.legend()
-    _closeup(axes, d)
+    closeup.set(xlim=(-0.04, 0.04), ylim=(-0.45, 0.45))
+    closeup.set_title("near zero", fontsize=9, loc="center")
+    closeup.tick_params(labelsize=8)
     third, axes = axes_for("desired current [A]", "torque [Nm]",
                            "Fig. 4-4: torque against current, using the linearization")  # fmt: skip
-    _dots(axes, d["linear_desired"], d["linear_torque"], f"measured, {after}")
+    _dots(axes, d["linear_desired"], d["linear_torque"],
+          f"measured, correlation {v('correlation'):.5f}")  # fmt: skip
     ends = np.array([d["linear_desired"].min(), d["linear_desired"].max()])
-    line = result.value("slope") * result.settings["torque_constant"] * ends
-    axes.plot(ends, line, color=_THIRD, label="straight line")
+    axes.plot(ends, v("slope") * result.settings["torque_constant"] * ends, color=_THIRD,
+              label="straight line")  # fmt: skip
     axes.legend()
     return {"4-2": first, "4-3": second, "4-4": third}
-
-
-def _closeup(axes: Axes, data: dict[str, np.ndarray]) -> None:
-    inner = axes.inset_axes((0.62, 0.1, 0.36, 0.4))
-    _dots(inner, data["torque"], data["command"], "")
-    inner.plot(data["fit_torque"], data["fit_command"], color=_THIRD, lw=1.6)
-    inner.set_xlim(-0.04, 0.04)
-    inner.set_ylim(-0.45, 0.45)
-    inner.tick_params(labelsize=8)
-    inner.set_title("near zero", fontsize=9)
 
 
 def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, label: str) -> None:

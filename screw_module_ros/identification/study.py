@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `study`: every mode on rigs drawn by seed, one table of medians and worst cases.
 
-With `--plane` it is the plane, without and with force feedback (`planar_study`).
-
 A law is judged on rigs that it was not tuned on. A rig is one of `load_world(seed)` whose mount
 (thesis appendix A), encoder, delay and transducer are drawn as well, wider than between two
 modules of one make. Family A has a rigid hand, family B a hand with a soft grip (`plant.patient`).
 The trials are those in which a force-feedback law fails: reaches, walls that stand or move, a heavy
 arm, an obstacle that the transducer does not feel, a change of mode, besides slow and small motion,
 holding and letting go. No mode is calibrated. In process, no ROS, no hardware.
+
+With `--plane` it is the plane, without and with force feedback: arm, rate, delay, age of the force,
+counts of the joints, and place and direction of the motion in the workspace are drawn as well.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ import math
 import random
 import time
 from collections.abc import Callable
-from concurrent.futures import as_completed
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
 from rich.progress import Progress
 
 from ..control import modes
+from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..control.vertical_settings import VerticalSettings
 from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from ..terminal import Console, command
 from .bench import InProcessBench, LoopSettings
-from .force_error import wall, with_damping
+from .force_error import WALLS, wall, with_damping
 from .force_metric import LAST, judged
-from .lab import worker_pool
-from .planar_study import CASES as PLANAR_CASES
-from .planar_study import WITH, WITHOUT
-from .planar_study import measured as planar_measured
+from .lab import done_by, worker_pool
+from .planar_error import CASES as PLANAR_TRIALS
+from .planar_error import Case as PlanarCase
+from .planar_error import error_of, hand_to, reduced
 from .report import shown
-from .trials import Arm, HandTrial, MotionTrial
+from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, PlaneLoop
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
 MODES = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
@@ -58,11 +59,14 @@ _SUDDEN_S = 0.02
 
 
 class Rig(NamedTuple):
-    """One robot and its patient's hand."""
+    """One robot and its patient's hand; in the plane also where and in which direction he moves it
+    [m], [rad]."""
 
     world: WorldSettings
-    loop: LoopSettings
+    loop: Any
     grip: ArmForce
+    centre: tuple[float, float] = (0.0, 0.0)
+    direction: float = 0.0
 
 
 def drawn(family: str, seed: int) -> Rig:
@@ -76,8 +80,32 @@ def drawn(family: str, seed: int) -> Rig:
         start=world.start._replace(counts_per_turn=draw.choice(_COUNTS)),
     )
     loop = LoopSettings(rate=1000.0, command_delay=_between(draw, 0.4e-3, 3e-3))
+    return Rig(world, loop, _grip(draw, family))
+
+
+def drawn_plane(family: str, seed: int) -> Rig:
+    """Return the rig of a family and seed for the plane."""
+    draw = random.Random(f"planar study {family} {seed}")
+    world = load_world(perturb_seed=seed)
+    robot = world.planar._replace(
+        friction=world.planar.friction * _between(draw, 0.7, 1.4),
+        module_mass=world.planar.module_mass * _between(draw, 0.85, 1.2),
+        viscous=world.planar.viscous * _between(draw, 0.5, 2.0),
+        bristle_stiffness=world.planar.bristle_stiffness * _between(draw, 0.5, 2.0),
+        bandwidth=_between(draw, 300.0, 1000.0),
+    )
+    radian = 2.0 * math.pi / draw.choice((16384, 32768, 65536))
+    world = world._replace(planar=robot, start=world.start._replace(joint_resolution=radian))
+    rate = draw.choice((250.0, 500.0, 500.0))
+    loop = PlaneLoop(rate, _between(draw, 0.4e-3, 1.8e-3), _between(draw, 1e-3, 3e-3))
+    grip = _grip(draw, family)
+    centre = draw.uniform(-0.08, 0.08), draw.uniform(-0.1, 0.1)
+    return Rig(world, loop, grip, centre, draw.uniform(0.0, math.pi))
+
+
+def _grip(draw: random.Random, family: str) -> ArmForce:
     grip = soft_grip(_between(draw, 2e3, 2e4), _between(draw, 10.0, 60.0), draw.uniform(0.3, 0.6))
-    return Rig(world, loop, grip if family == "B" else RIGID)
+    return grip if family == "B" else RIGID
 
 
 def _between(draw: random.Random, low: float, high: float) -> float:
@@ -123,38 +151,44 @@ def _to(way: float, seconds: float = 1.0, start: float = 0.0, begin: float = 0.0
     return HandPath(CENTRE + start, CENTRE + start + way, begin, seconds, 0.0, 0.0, 0.0)
 
 
-def _reach(way: float, seconds: float) -> Case:
-    return _case(
-        "rms share", _to(way, seconds, -0.5 * way, 0.2), seconds + 1.2, before=_to(-0.5 * way)
-    )
-
-
-def _walls() -> dict[str, Case]:
-    found = {}
-    for power in (3, 4, 5, 6):
-        for word, ratio in (("well", 0.7), ("badly", 0.02)):
-            arm = wall(10.0**power, ratio)
-            name = f"wall 1e{power} N/m, {word} damped"
-            found[name] = _case("shaking peak", _to(0.05), 5.0, arm, first=1.0)
-            moved = HandPath(CENTRE, CENTRE, 0.0, 0.0, 0.003, 3.0, 0.0)
-            found[f"{name}, moved"] = _case("shaking peak", moved, 5.0, arm)
-    return found
-
-
 CASES = {
     "slow": _case("rms share", _sine(0.15, 0.8), 15.8),
     "fast": _case("rms share", _sine(0.10, 3.0), 8.4),
     "small": _case("rms share", _sine(0.03, 1.5), 12.6),
-    **{name: _reach(*reach) for name, reach in _REACHES.items()},
+    **{
+        name: _case("rms share", _to(way, seconds, -0.5 * way, 0.2), seconds + 1.2,
+                    before=_to(-0.5 * way))
+        for name, (way, seconds) in _REACHES.items()
+    },
     "held": _case("rms travel", _to(0.05), 6.0, first=3.0),
     "released": _case("travel", _to(0.05), 11.0, first=5.0, released=3.0),
     "arm of 30 kg": _case("rms share", _sine(0.05, 0.8), 7.9, _HEAVY),
     "arm of 30 kg, held": _case("shaking", _to(0.05), 6.0, _HEAVY, first=1.0),
-    **_walls(),
+    **{
+        f"{text.replace('a wall of', 'wall')}{end}": _case(
+            "shaking peak", path, 5.0, wall(*how), first
+        )
+        for text, *how in WALLS.values()
+        for end, path, first in (("", _to(0.05), 1.0), (", moved", _sine(0.003, 3.0), 0.0))
+    },
     "obstacle, not felt": _case("pressed", _to(0.12, 2.0), 4.0, obstacle=_AHEAD),
     "mode changed at rest": _case("sudden", _to(0.05), 6.0, from_mode=modes.IMPEDANCE),
 }
 """By name. Each has a hand of 3 kg, 300 N/m and 5 Ns/m, unless it says another."""
+
+_FAR = 0.5 * math.pi  # direction of the far edge
+PLANAR_CASES = {
+    **PLANAR_TRIALS,
+    **{
+        name: PlanarCase("", PlanarTrial(
+            PlanarSettings(), direction=_FAR, path=hand_to(way, seconds), duration=3.0
+        ), "over blow shaking")
+        for name, way, seconds in (
+            ("far_edge_slow", 0.30, 2.0), ("far_edge_1.0", 0.26, 0.4), ("far_edge_1.3", 0.30, 0.35),
+        )
+    },
+}  # fmt: skip
+"""Those of `planar_error`, and a hand that moves from the middle over the far edge, at 0.23 m."""
 
 FIGURES = {
     "rms": "rms [N]",
@@ -213,6 +247,37 @@ def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
     return {figure: figures[figure] for figure in case.figures}
 
 
+def measured_plane(family: str, seed: int, kind: int, name: str) -> dict[str, float]:
+    """Return the figures of one case on one rig, without (kind 0) or with feedback."""
+    rig, case, law = drawn_plane(family, seed), PLANAR_CASES[name], PlanarSettings()
+    trial = case.trial._replace(
+        settings=law._replace(
+            force_gain=STUDIED_GAIN if kind else 0.0, stiffness=case.trial.settings.stiffness
+        ),
+        loop=rig.loop, centre=rig.centre, direction=rig.direction,
+    )  # fmt: skip
+    if "over" in case.figures:
+        trial = trial._replace(centre=(rig.centre[0], 0.0), direction=_FAR)
+    if trial.arm.mass:  # a wall has none, and no grip
+        trial = trial._replace(grip=rig.grip)
+    samples = InProcessBench(rig.world, seed=seed).record(trial, lambda share: None)
+    found = error_of(reduced(trial, samples))
+    first = round(trial.first / float(samples.time[1] - samples.time[0]))
+    place, velocity, force = samples.felt
+    error = force - trial.settings.stiffness * place - trial.settings.damping * velocity
+    speed, over = np.hypot(*velocity.T), place[:, 1] + trial.centre[1] > law.half_depth
+    figures = {
+        "rms": found.rms,
+        "share": float(samples.share[first:].min()),
+        "shaking": found.shaking,
+        "peak": float(np.hypot(*error[first:].T).max()),
+        "travel": 1e3 * found.travel,
+        "over": float(speed[over].max(initial=0.0)),
+        "blow": float(np.hypot(*force.T).max()),
+    }
+    return {figure: figures[figure] for figure in case.figures.split()}
+
+
 class Subject(NamedTuple):
     """What is studied. kinds: number and head of each column; figures: of each case, by name."""
 
@@ -227,9 +292,9 @@ VERTICAL = Subject(
     measured,
 )
 PLANE = Subject(
-    {WITHOUT: "no feedback", WITH: "feedback"},
+    {0: "no feedback", 1: "feedback"},
     {name: tuple(case.figures.split()) for name, case in PLANAR_CASES.items()},
-    planar_measured,
+    measured_plane,
 )
 Found = dict[str, dict[str, dict[int, list[float]]]]
 """By case, figure and mode: one value for each rig of a family, in the order of the seeds."""
@@ -265,17 +330,24 @@ def study(
     folder.mkdir(parents=True, exist_ok=True)
     with worker_pool(workers) as pool, Progress(console=console.rich) as bars:
         bar = bars.add_task("trials", total=len(wanted))
-        futures = {pool.submit(subject.measured, *each): each for each in wanted}
         values = {}
-        try:
-            for future in as_completed(futures):
-                values[futures[future]] = future.result()
-                bars.advance(bar)
-        finally:  # the end of the pool waits for what is not cancelled
-            for future in futures:
-                future.cancel()
+        for each, figures_of in done_by(pool, subject.measured, {each: each for each in wanted}):
+            values[each] = figures_of
+            bars.advance(bar)
     figures = {name: subject.figures[name] for name in names}
-    found = {family: _sorted(values, family, seeds, figures, kinds) for family in FAMILIES}
+    found: dict[str, Found] = {
+        family: {
+            name: {
+                figure: {
+                    kind: [values[family, seed, kind, name][figure] for seed in seeds]
+                    for kind in kinds
+                }
+                for figure in names_of
+            }
+            for name, names_of in figures.items()
+        }
+        for family in FAMILIES
+    }
     seconds = time.monotonic() - begun
     head = f"Rigs {seeds[0]} to {seeds[-1]} of each family: {len(wanted)} trials in {seconds:.0f} s"
     called = f"study{' --plane' * plane} --rigs {rigs} --first-seed {first_seed}"
@@ -288,22 +360,6 @@ def study(
     (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
     (folder / "study.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
     console.show(f"{head}. The table: {folder / 'study.md'}")
-
-
-def _sorted(
-    values: dict[tuple[str, int, int, str], dict[str, float]], family: str, seeds: range,
-    names: dict[str, tuple[str, ...]], kinds: tuple[int, ...],
-) -> Found:  # fmt: skip
-    return {
-        name: {
-            figure: {
-                mode: [values[family, seed, mode, name][figure] for seed in seeds]
-                for mode in kinds
-            }
-            for figure in figures
-        }
-        for name, figures in names.items()
-    }
 
 
 def table_rows(found: Found, kinds: dict[int, str]) -> list[tuple[str, ...]]:

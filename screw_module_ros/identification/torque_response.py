@@ -11,17 +11,18 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
 from .current_response import DELAY_WHY
-from .figures import axes_for, bode, phase_degrees
+from .figures import COLOURS, DESIRED, axes_for, bode, decibels, phase_degrees
 from .lab import Lab
 from .results import (
     DERIVED,
     LOCKED_ROTOR,
     MEASURED,
+    Drawn,
     Experiment,
     Published,
     Quantity,
@@ -30,7 +31,6 @@ from .results import (
 )
 from .sampled import (
     WIRE,
-    Amplifier,
     Chain,
     Fit,
     Model,
@@ -94,28 +94,35 @@ def run(lab: Lab, settings: Settings) -> Result:
     """
     frequencies = np.geomspace(settings.low, settings.high, settings.count)
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
-    amplifier = known_amplifier(lab, settings.pole, settings.delay)
-    rates = [(lab.rate, 0.0, "")]
-    if settings.slow_rate and settings.slow_rate != lab.rate:
-        rates.append((settings.slow_rate, settings.slow_rate, "_slow"))
-    sweeps = [
-        torque_sweep(frequencies, trial._replace(rate=asked), settings.cycles, "torque")
-        for _, asked, _ in rates
-    ]
-    together = {name: trial for sweep in sweeps for name, trial in sweep.items()}
-    parts = lab.record(NAME, together, torque_part)
+    pole, late, source = known_amplifier(lab, settings.pole, settings.delay)
+    rates = {"": 0.0}  # asked for, 0 = the bench's own
+    if settings.slow_rate not in (0.0, lab.rate):
+        rates["_slow"] = settings.slow_rate
+    sweeps = {
+        end: torque_sweep(frequencies, trial._replace(rate=asked), settings.cycles, "torque")
+        for end, asked in rates.items()
+    }
+    parts = lab.record(NAME, {**sweeps[""], **sweeps.get("_slow", {})}, torque_part)
 
     def chain(damping: float) -> Chain:
         rotor = second_order(settings.inertia, damping, settings.stiffness)
-        return series(first_order(amplifier.pole), rotor)
+        return series(first_order(pole), rotor)
 
     quantities: tuple[Quantity, ...] = ()
     data: dict[str, np.ndarray] = {}
-    for (rate, _, end), own in zip(rates, sweeps, strict=True):
+    for end, own in sweeps.items():
+        rate = rates[end] or lab.rate
         measured, errors = sweep_of({name: parts[name] for name in own})
-        model = model_of(sampled_response, chain, frequencies, rate, amplifier.delay)
-        fit = _fit(model, measured)
-        quantities += _found(fit, rate, end)
+        model = model_of(sampled_response, chain, frequencies, rate, late)
+        fit, at = _fit(model, measured), f"at {rate:g} Hz"
+        quantities += (
+            fit.quantity(1, f"damping{end}", "Nm s/rad", f"B of C.3, {at}"),
+            fit.quantity(2, f"delay{end}", "s",
+                         f"software delay, {at} (direct study 200 to 450 us)"),
+            fit.quantity(0, f"gain{end}", "", f"torque per desired torque, {at}"),
+            Quantity(f"misfit{end}", fit.misfit, math.nan, "",
+                     f"rms of model over measured, less 1, {at}"),
+        )  # fmt: skip
         data |= {
             f"frequency{end}": frequencies,
             f"measured{end}": measured,
@@ -123,22 +130,34 @@ def run(lab: Lab, settings: Settings) -> Result:
             f"model{end}": model(fit.values),
         }
         if not end:
-            drawn = model_of(held_twice_response, chain, frequencies, rate, amplifier.delay)
-            quantities += _drawn(_fit(drawn, measured))
-            total = float(amplifier.delay + fit.values[2])
+            drawn = model_of(held_twice_response, chain, frequencies, rate, late)
+            other = _fit(drawn, measured)
+            quantities += (
+                other.quantity(1, "damping_two_holds", "Nm s/rad",
+                               "B if the A/D card is drawn as a hold, as in the thesis's fig C-1"),
+                other.quantity(2, "delay_two_holds", "s", "software delay with that model"),
+                Quantity("misfit_two_holds", other.misfit, math.nan, "", "rms with that model"),
+            )  # fmt: skip
+            total = float(late + fit.values[2])
+            folded, wide = np.linspace(5.0, 0.4999 * rate, 800), np.linspace(5.0, 2.5 * rate, 2000)
+            light, found = chain(_LIGHT), chain(float(fit.values[1]))
             data |= {
                 "limit_delay": _PROFILE,
                 "limit_rotor": misfit_profile(model, measured, fit),
-                "limit_wire": wire_profile(frequencies, rate, total, _PROFILE + amplifier.delay),
+                "limit_wire": wire_profile(frequencies, rate, total, _PROFILE + late),
+                "folded_frequency": folded,
+                "folded_light": sampled_response(light, folded, rate, total),
+                "folded_found": sampled_response(found, folded, rate, total),
+                "wide_frequency": wide,
+                "wide_light": continuous_response(light, wide, total),
             }
-            data |= _folded(chain(_LIGHT), chain(float(fit.values[1])), total, rate)
     resonance = math.sqrt(settings.stiffness / settings.inertia) / (2.0 * math.pi)
     seen = abs(resonance - round(resonance / lab.rate) * lab.rate)
     quantities = beside(THESIS, quantities, MEASURED) + beside(THESIS, (
         Quantity("resonance", resonance, math.nan, "Hz", "undamped, from K and J"),
         Quantity("resonance_seen", seen, math.nan, "Hz", "where it folds to"),
     ), DERIVED)  # fmt: skip
-    notes = _notes(settings, amplifier, quantities, lab.rate)
+    notes = (source, *_notes(settings, pole, quantities, lab.rate))
     return Result(NAME, quantities, settings._asdict(), notes, data)
 
 
@@ -147,44 +166,6 @@ def _fit(model: Model, measured: np.ndarray) -> Fit:
         fit_response(model, measured, (1.0, damping, 3e-4), _LOW, _HIGH) for damping in _STARTS
     ]
     return min(fits, key=lambda fit: fit.misfit)
-
-
-def _found(fit: Fit, rate: float, end: str) -> tuple[Quantity, ...]:
-    gain, damping, delay = map(float, fit.values)
-    gain_error, damping_error, delay_error = map(float, fit.errors)
-    at = f"at {rate:g} Hz"
-    return (
-        Quantity(f"damping{end}", damping, damping_error, "Nm s/rad",
-                 f"B of C.3, {at}"),
-        Quantity(f"delay{end}", delay, delay_error, "s",
-                 f"software delay, {at} (direct study 200 to 450 us)"),
-        Quantity(f"gain{end}", gain, gain_error, "", f"torque per desired torque, {at}"),
-        Quantity(f"misfit{end}", fit.misfit, math.nan, "",
-                 f"rms of model over measured, less 1, {at}"),
-    )  # fmt: skip
-
-
-def _drawn(fit: Fit) -> tuple[Quantity, ...]:
-    return (
-        Quantity("damping_two_holds", float(fit.values[1]), float(fit.errors[1]), "Nm s/rad",
-                 "B if the A/D card is drawn as a hold, as in the thesis's fig C-1"),
-        Quantity("delay_two_holds", float(fit.values[2]), float(fit.errors[2]), "s",
-                 "software delay with that model"),
-        Quantity("misfit_two_holds", fit.misfit, math.nan, "", "rms with that model"),
-    )  # fmt: skip
-
-
-def _folded(light: Chain, found: Chain, delay: float, rate: float) -> dict[str, np.ndarray]:
-    """Return responses of the rotor with light and with identified damping, sampled and not."""
-    frequencies = np.linspace(5.0, 0.4999 * rate, 800)
-    wide = np.linspace(5.0, 2.5 * rate, 2000)
-    return {
-        "folded_frequency": frequencies,
-        "folded_light": sampled_response(light, frequencies, rate, delay),
-        "folded_found": sampled_response(found, frequencies, rate, delay),
-        "wide_frequency": wide,
-        "wide_light": continuous_response(light, wide, delay),
-    }
 
 
 def misfit_profile(model: Model, measured: np.ndarray, fit: Fit) -> np.ndarray:
@@ -214,15 +195,13 @@ def wire_profile(
 
 
 def _notes(
-    settings: Settings, amplifier: Amplifier, quantities: tuple[Quantity, ...], rate: float
+    settings: Settings, pole: float, quantities: tuple[Quantity, ...], rate: float
 ) -> tuple[str, ...]:
     found = {quantity.name: quantity for quantity in quantities}
     damping, delay = found["damping"], found["delay"]
     ratio = damping.value / (2.0 * math.sqrt(settings.stiffness * settings.inertia))
     corner = settings.stiffness / damping.value / (2.0 * math.pi)
-    half = 0.5 / rate
     return (
-        amplifier.note,
         f"B = {damping.value:.3g} Nm s/rad is a damping ratio of {ratio:.1f}. "
         + (
             f"The mode is overdamped: its slow pole K/B at {corner:.0f} Hz lowers magnitude and "
@@ -233,33 +212,40 @@ def _notes(
         "In the samples of a wire, a delay shorter than a sample is not visible (4.1.4). With "
         f"known dynamics it is: the standard error here is {1e6 * delay.uncertainty:.1f} us, and "
         "an error of 5 % of the amplifier's pole would shift the delay by "
-        f"{0.05e6 / (2.0 * math.pi * amplifier.pole):.0f} us. The thesis's limit applies to a "
+        f"{0.05e6 / (2.0 * math.pi * pole):.0f} us. The thesis's limit applies to a "
         "plant without dynamics, not to sampled data in general.",
-        f"With a second hold for the A/D card (fig C-1) the model lags {1e6 * half:.0f} us more, "
+        f"With a second hold for the A/D card (fig C-1) the model lags {0.5e6 / rate:.0f} us more, "
         "and the fitted delay is shorter.",
     )
 
 
-def draw(result: Result) -> dict[str, Figure]:
+def draw(result: Result) -> Drawn:
     """Return figs 4-9 to 4-14, the folded resonance and the misfit of each delay."""
     d = result.data
-    measured = (d["frequency"], d["measured"])
-    model = {_name(result, ""): d["model"]}
+    measured, name = (d["frequency"], d["measured"]), _name(result, "")
+    title = "Fig. 4-11: phase of torque / commanded torque, linear scale"
+    phase, axes = axes_for("frequency [Hz]", "phase [degrees]", title)
+    axes.plot(d["frequency"], phase_degrees(d["measured"]), "o", color=_FIRST, ms=4,
+              label="measured")  # fmt: skip
+    axes.plot(d["frequency"], phase_degrees(d["model"]), color=_THIRD, label=name)
+    axes.legend()
     figures = {
         "4-9": bode("Fig. 4-9: torque / commanded torque, 2 kHz", *measured),
-        "4-10": bode("Fig. 4-10: torque / commanded torque, 2 kHz, with model", *measured, model),
-        "4-11": _linear_phase(result),
-    }
+        "4-10": bode("Fig. 4-10: torque / commanded torque, 2 kHz, with model", *measured,
+                     {name: d["model"]}),
+        "4-11": phase,
+    }  # fmt: skip
     if "model_slow" in d:
         figures["4-12"] = bode(
             "Fig. 4-12: torque / commanded torque, 1 kHz, with model",
             d["frequency_slow"], d["measured_slow"], {_name(result, "_slow"): d["model_slow"]},
         )  # fmt: skip
-    figures["4-13"] = _wire("Fig. 4-13: unity gain, read and written at once", 0.0)
-    figures["4-14"] = _wire("Fig. 4-14: unity gain with a delay of 0.4 samples", 0.4)
-    figures["resonance"] = _resonance(result)
-    figures["delay"] = _delay(result)
-    return figures
+    return figures | {
+        "4-13": _wire("Fig. 4-13: unity gain, read and written at once", 0.0),
+        "4-14": _wire("Fig. 4-14: unity gain with a delay of 0.4 samples", 0.4),
+        "resonance": _resonance(result),
+        "delay": _delay(result),
+    }
 
 
 def _name(result: Result, end: str) -> str:
@@ -267,18 +253,6 @@ def _name(result: Result, end: str) -> str:
         f"model: B = {result.value('damping' + end):.3g} Nm s/rad, "
         f"delay {1e6 * result.value('delay' + end):.0f} us"
     )
-
-
-def _linear_phase(result: Result) -> Figure:
-    d = result.data
-    figure, axes = axes_for("", "", "Fig. 4-11: phase of torque / commanded torque, linear scale")
-    axes.plot(
-        d["frequency"], phase_degrees(d["measured"]), "o", color=_FIRST, ms=4, label="measured"
-    )
-    axes.plot(d["frequency"], phase_degrees(d["model"]), color=_THIRD, label=_name(result, ""))
-    axes.set(xlabel="frequency [Hz]", ylabel="phase [degrees]")
-    axes.legend()
-    return figure
 
 
 def _wire(title: str, delay: float) -> Figure:
@@ -302,47 +276,44 @@ def _wire(title: str, delay: float) -> Figure:
 
 def _resonance(result: Result) -> Figure:
     """Draw responses of a lightly damped rotor, sampled and not, and of the measured one."""
-    d = result.data
-    light = f"B = {_LIGHT:g} Nm s/rad"
-    figure, axes = axes_for("", "", "The resonance at 3600 Hz, and its alias at 2 kHz (4.1.3)")
-    axes.plot(d["wide_frequency"], _decibels(d["wide_light"]), color=_SECOND,
-              label=f"{light}, not sampled")  # fmt: skip
-    axes.plot(d["folded_frequency"], _decibels(d["folded_light"]), color=_FIRST,
-              label=f"{light}, sampled")  # fmt: skip
-    axes.plot(d["folded_frequency"], _decibels(d["folded_found"]), color=_THIRD,
-              label=f"B = {result.value('damping'):.3g} Nm s/rad as found, sampled")  # fmt: skip
-    axes.plot(d["frequency"], _decibels(d["measured"]), "o", color=DESIRED, ms=3.5,
+    d, light = result.data, f"B = {_LIGHT:g} Nm s/rad"
+    figure, axes = axes_for("frequency [Hz]", "torque / commanded torque [dB]",
+                            "The resonance at 3600 Hz, and its alias at 2 kHz (4.1.3)")  # fmt: skip
+    for at, name, colour, label in (
+        ("wide_frequency", "wide_light", _SECOND, f"{light}, not sampled"),
+        ("folded_frequency", "folded_light", _FIRST, f"{light}, sampled"),
+        ("folded_frequency", "folded_found", _THIRD,
+         f"B = {result.value('damping'):.3g} Nm s/rad as found, sampled"),
+    ):  # fmt: skip
+        axes.plot(d[at], decibels(d[name]), color=colour, label=label)
+    axes.plot(d["frequency"], decibels(d["measured"]), "o", color=DESIRED, ms=3.5,
               label="measured")  # fmt: skip
     for name in ("resonance_seen", "resonance"):
-        at = result.value(name)
-        axes.axvline(at, color="#888888", lw=0.7, ls="--", zorder=1)
-        axes.annotate(f" {at:.0f} Hz", (at, 0.985), xycoords=("data", "axes fraction"), va="top",
-                      fontsize=9)  # fmt: skip
+        _mark(axes, result.value(name), "Hz", 0.985, "top")
     axes.set_ylim(-40.0, 30.0)
-    axes.set(xlabel="frequency [Hz]", ylabel="torque / commanded torque [dB]")
     axes.legend(loc="lower right")
     return figure
 
 
+def _mark(axes: Axes, at: float, unit: str, height: float, va: str) -> None:
+    axes.axvline(at, color="#888888", lw=0.7, ls="--", zorder=1)
+    axes.annotate(f" {at:.0f} {unit}", (at, height), xycoords=("data", "axes fraction"), va=va,
+                  fontsize=9)  # fmt: skip
+
+
 def _delay(result: Result) -> Figure:
     d = result.data
-    figure, axes = axes_for("", "", "What sampled data tell of the software delay (4.1.4)")
+    figure, axes = axes_for("software delay of the model [us]", "misfit, rms [%]",
+                            "What sampled data tell of the software delay (4.1.4)")  # fmt: skip
     delay = 1e6 * d["limit_delay"]
     axes.plot(delay, 100.0 * d["limit_rotor"], color=_THIRD,
               label="this rotor: amplifier, J and K known, B fitted anew")  # fmt: skip
     axes.plot(delay, 100.0 * d["limit_wire"], color=_FIRST, drawstyle="steps-post",
               label="a wire behind the amplifier's delay: nothing within a sample")  # fmt: skip
-    found = 1e6 * result.value("delay")
-    axes.axvline(found, color="#888888", lw=0.7, ls="--", zorder=1)
-    axes.annotate(f" {found:.0f} us", (found, 0.6), xycoords=("data", "axes fraction"), fontsize=9)
+    _mark(axes, 1e6 * result.value("delay"), "us", 0.6, "baseline")
     axes.set_ylim(-1.0, 1.25 * axes.get_ylim()[1])
-    axes.set(xlabel="software delay of the model [us]", ylabel="misfit, rms [%]")
     axes.legend(loc="upper left")
     return figure
-
-
-def _decibels(values: np.ndarray) -> np.ndarray:
-    return 20.0 * np.log10(np.abs(values))
 
 
 EXPERIMENT = Experiment(

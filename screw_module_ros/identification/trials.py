@@ -3,8 +3,8 @@
 
 An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
 live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
-node `characterize`) turns it into samples. `needs_of` says what a trial needs of a
-bench, which says what it `offers`; `require` refuses what is missing, with the way out.
+node `characterize`) turns it into samples. A bench says what it `offers`;
+`require` refuses a trial that needs more, with the way out.
 
 Every bench measures the zero of the transducer before and after a trial, without load on handle or
 rotor, and subtracts the straight line between the two, so that drift does not appear as friction.
@@ -262,27 +262,21 @@ def duration_of(trial: Trial) -> float:
     return trial.duration
 
 
-def needs_of(trial: Trial) -> frozenset[str]:
-    """Return what a bench must offer for a trial."""
-    if not isinstance(trial, MotionTrial):
-        return frozenset({_NEEDS[type(trial)]})
-    wanted = {
-        ONLY_IN_PROCESS: trial.side_force or trial.tremor or trial.changed,
-        PRELOADED: trial.preloaded,
-        RELEASE: trial.way or math.isfinite(trial.released_after),
-    }
-    return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
-
-
 _NEEDS = {
     TorqueTrial: TORQUE, AnalyzerTrial: ANALYSER, StageTrial: STAGE, PlanarTrial: PLANE,
-    HandTrial: ONLY_IN_PROCESS,
+    HandTrial: ONLY_IN_PROCESS, MotionTrial: MOTION,
 }  # fmt: skip
 
 
 def require(trial: Trial, bench: Bench) -> None:
     """Raise NotPossible with the way out if the bench lacks what a trial needs."""
-    missing = needs_of(trial) - bench.offers
+    needs = {_NEEDS[type(trial)]: True}
+    if isinstance(trial, MotionTrial):
+        needs |= {
+            ONLY_IN_PROCESS: bool(trial.side_force or trial.tremor or trial.changed),
+            PRELOADED: trial.preloaded,
+            RELEASE: bool(trial.way) or math.isfinite(trial.released_after),
+        }
     for need, way_out in WAYS_OUT.items():
-        if need in missing:
+        if needs.get(need) and need not in bench.offers:
             raise NotPossible(way_out)

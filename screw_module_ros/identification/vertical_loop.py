@@ -28,6 +28,7 @@ from ..plant.sensor import normal_pair
 from ..plant.vertical import vertical_step
 
 REST, SINE, LAW = 0, 1, 2
+SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 # position, velocity, force, torque, command, current; truth: handle, its velocity, patient's force;
 # remaining share of the force gain
 COLUMNS = 10
@@ -54,9 +55,9 @@ class LoopParams(NamedTuple):
     lead: of the screw that the encoder is on [m], which the laws need not know. chain: from force
     to torque command; amperes: command to the amplifier per newton metre [A/Nm].
     period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
-    which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode, centre
-    [m]: of the law. side_force: amplitude of the planar force on the handle [N], at side_omega
-    [rad/s]. counts: of the encoder per turn.
+    which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode: of the
+    law; centre: where the trial begins, and the law's set point [m]. side_force: amplitude of the
+    planar force on the handle [N]. counts: of the encoder per turn.
     """
 
     plant: VerticalParams
@@ -83,7 +84,6 @@ class LoopParams(NamedTuple):
     stage_speed: float
     stage_target: float
     side_force: float = 0.0
-    side_omega: float = 0.0
     counts: int = COUNTS_PER_TURN
 
 
@@ -142,11 +142,6 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     )  # fmt: skip
 
 
-def nothing_under_way(late: int, steps: int) -> np.ndarray:
-    """Return the currents under way [A] of a loop at rest; late, steps: see `LoopParams`."""
-    return np.zeros(late // steps + 1)
-
-
 def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
     """Return force [N] and torque [Nm] about z as the ADC shows them, and the noise's next state.
 
@@ -191,7 +186,7 @@ def _period(
     module, sensor, volts = s.module, s.sensor, s.volts
     dt, arrives = p.plant.dt, p.late % p.steps
     hand, hand_velocity = hand_point(p.path, s.ticks * p.period)
-    side_force = abs(p.side_force * math.sin(p.side_omega * s.ticks * p.period))
+    side_force = abs(p.side_force * math.sin(SIDE_OMEGA * s.ticks * p.period))
     for step in range(p.steps):
         bridge = before if step < arrives else after
         module = vertical_step(

@@ -51,7 +51,7 @@ def test_stage_run_shows_what_the_rigs_world_shows(module):
 def test_compiled_loop_is_the_plain_one(bench):
     trial = MotionTrial(modes.COMBINED, VerticalSettings())
     params = bench._params(trial)
-    start = bench._placed(trial, bench._start(trial, params))
+    start = bench._placed(params, bench._start(trial, params))
     plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
     run_ticks([params], start._replace(law=[initial_state(params.law)]), plain)
     bench._run(packed(params), start, quick)

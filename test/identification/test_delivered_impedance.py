@@ -12,7 +12,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
-from screw_module_ros.identification.certificate import FILE
+from screw_module_ros.identification.calibration import CERTIFICATE as FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
     _followed,

@@ -13,7 +13,7 @@ from screw_module_ros.identification.planar_error import (
     reduced,
     trial_of,
 )
-from screw_module_ros.identification.planar_study import measured
+from screw_module_ros.identification.study import measured_plane as measured
 from screw_module_ros.plant.patient import soft_grip
 
 

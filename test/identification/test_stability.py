@@ -21,7 +21,7 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.filters import lowpass_coefficients, velocity_settled, velocity_step
-from screw_module_ros.identification import certificate, stability
+from screw_module_ros.identification import calibration, stability
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.sampled_loop import (
@@ -230,7 +230,7 @@ def test_gains_of_another_law_or_module_make_no_certificate(tmp_path):
     ):
         Result("stability", (), found | change, (), {}, bench).save(tmp_path)
         with pytest.raises(MissingResult, match=said):
-            certificate.write(Lab(Nothing(), tmp_path), delivered, "ARM-0007")
+            calibration.write(Lab(Nothing(), tmp_path), delivered, "ARM-0007")
         assert not list(tmp_path.glob("*module_certificate*")), "nor a half of one"
 
 
@@ -238,12 +238,12 @@ def test_hardware_has_no_serial_of_a_simulated_module(tmp_path):
     hardware = SimpleNamespace(offers=frozenset({MOTION}), serial="")
     simulated = SimpleNamespace(offers=frozenset({MOTION, RELEASE}), serial="")
     with pytest.raises(ValueError, match="SIM-0001 is a simulated module's"):
-        certificate.own_serial(Lab(hardware, tmp_path), "SIM-0001")
-    assert certificate.own_serial(Lab(hardware, tmp_path), "ARM-0007") == "ARM-0007"
-    assert certificate.own_serial(Lab(simulated, tmp_path), "SIM-0001") == "SIM-0001"
+        calibration.own_serial(Lab(hardware, tmp_path), "SIM-0001")
+    assert calibration.own_serial(Lab(hardware, tmp_path), "ARM-0007") == "ARM-0007"
+    assert calibration.own_serial(Lab(simulated, tmp_path), "SIM-0001") == "SIM-0001"
     hardware.serial = "ARM-0008"
     with pytest.raises(ValueError, match="ARM-0007 is not the module_serial of impedance_contr"):
-        certificate.own_serial(Lab(hardware, tmp_path), "ARM-0007")
+        calibration.own_serial(Lab(hardware, tmp_path), "ARM-0007")
 
 
 def identified(folder, weight, mass):
@@ -257,8 +257,8 @@ def assert_certified(result, folder):
     weighed = result.settings | {"masses": stability.IDENTIFIED}
     result._replace(settings=weighed).save(folder)
     delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
-    certificate.write(Lab(Nothing(), folder), delivered, "ARM-0007")
-    permitted = load_certificate(folder / certificate.FILE, "ARM-0007")
+    calibration.write(Lab(Nothing(), folder), delivered, "ARM-0007")
+    permitted = load_certificate(folder / calibration.CERTIFICATE, "ARM-0007")
     assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
     for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
         stable = [result.value(f"{law}_{met}") for met in CERTIFIED]

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.control import modes
-from screw_module_ros.identification import planar_study, study
+from screw_module_ros.identification import study
 from screw_module_ros.identification.study import CASES, CENTRE, FIGURES, WANTED, drawn, measured
 from screw_module_ros.plant.patient import hand_point
 
@@ -77,8 +77,8 @@ def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
 
 
 def test_the_plane_has_rigs_and_a_table_of_its_own(tmp_path):
-    rigs = [planar_study.drawn("B", seed) for seed in range(40)]
-    assert rigs[3] == planar_study.drawn("B", 3)
+    rigs = [study.drawn_plane("B", seed) for seed in range(40)]
+    assert rigs[3] == study.drawn_plane("B", 3)
     assert {rig.loop.rate for rig in rigs} == {250.0, 500.0}
     assert all(1e-3 <= rig.loop.force_age <= 3e-3 for rig in rigs)
     call = ["--plane", "--rigs", "1", "--folder", str(tmp_path), "--workers", "1", "--case"]

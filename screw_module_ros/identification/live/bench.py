@@ -26,6 +26,7 @@ from screw_module_msgs.msg import (
     ImpedanceState,
     SafetyState,
 )
+from screw_module_msgs.srv import SetControlMode
 
 from screw_module_ros.calibration.module import (
     load_friction_model,
@@ -187,13 +188,9 @@ class LiveBench:
                     shutil.rmtree(begun, ignore_errors=True)
         if not begun.is_dir():
             raise RobotError(f"the session recorder writes on another machine: there is no {begun}")
-        return self._kept(begun, name), answer
-
-    def _kept(self, bag: Path, name: str) -> Path:
-        """Move a bag to the others of the experiment; return its place."""
         self._folder.mkdir(parents=True, exist_ok=True)
         number = sum(1 for _ in self._folder.glob(f"{name}_*")) + 1
-        return Path(shutil.move(bag, self._folder / f"{name}_{number}"))
+        return Path(shutil.move(begun, self._folder / f"{name}_{number}")), answer
 
     def _zero(self) -> Window:
         """Return a window in which nothing acts on the transducer."""
@@ -268,21 +265,17 @@ class LiveBench:
         check_screw(robot, AMPLIFIER)
         names = (*VerticalSettings._fields, "mode")
         found = robot.parameters(CONTROLLER, names)
-        refused = ""
+        mode, refusals = SetControlMode.Request(mode=EXCITATION), [""]
 
         def begun() -> bool:
-            nonlocal refused
-            try:
-                robot.set_mode(EXCITATION)
-            except RobotError as error:
-                refused = str(error)
-                return False
-            return True
+            answer = robot.call(SetControlMode, f"{CONTROLLER}/set_mode", mode)
+            refusals.append(answer.message)
+            return answer.success
 
         try:
             self._ask(Excitation())
             if not robot.met(begun, _BEGIN_S):
-                raise RobotError(refused)
+                raise RobotError(f"{CONTROLLER}/set_mode was refused: {refusals[-1]}")
             yield
         finally:
             self._torque_off()
@@ -319,12 +312,9 @@ class LiveBench:
     def _enable(self) -> None:
         """Wait for the supervisor's permission and switch the torque on. Raises RobotError."""
         robot = self._robot
-
-        def permitted() -> bool:
-            state = robot.state(SafetyState)
-            return state is not None and state.vertical_permitted
-
-        if not robot.met(permitted, _PERMIT_S):
+        if not robot.met(
+            lambda: (state := robot.state(SafetyState)) and state.vertical_permitted, _PERMIT_S
+        ):
             state = robot.state(SafetyState)
             why = "; ".join(state.reasons) if state else "the supervisor is silent"
             why = why or ("the lock pin is in" if state.vertical_locked else "no reason given")
@@ -374,16 +364,13 @@ class LiveBench:
         after = self._zero()
         rated = own["rated_torque"]
 
-        def read(found: Recorded) -> Samples:
-            first = first_tick(found, begin_ns, sine)
-            return found.samples(
-                first, sine.ticks, before, after,
-                lambda force: np.round(
-                    [force_to_torque(newtons) / rated * 1e3 for newtons in force]
-                ) * rated * 1e-3,
-            )  # fmt: skip
+        def commands(force: np.ndarray) -> np.ndarray:
+            steps = np.round([force_to_torque(newtons) / rated * 1e3 for newtons in force])
+            return steps * rated * 1e-3
 
-        return read
+        return lambda found: found.samples(
+            first_tick(found, begin_ns, sine), sine.ticks, before, after, commands
+        )
 
     def _stage(self, trial: StageTrial, on_progress: OnProgress) -> Reader:
         """Let the stage drive the handle."""
@@ -418,12 +405,10 @@ class LiveBench:
         after = self._unloaded_zero()
         fixture.stage_hold()
         count = round((seconds + _TAIL_S) * self.rate)
-
-        def read(found: Recorded) -> Samples:
-            first = found.tick_at(began_ns) if began_ns else first_moved(found, rest_ns)
-            return found.samples(first, count, before, after)
-
-        return read
+        return lambda found: found.samples(
+            found.tick_at(began_ns) if began_ns else first_moved(found, rest_ns), count, before,
+            after,
+        )  # fmt: skip
 
     def _motion(self, trial: MotionTrial, on_progress: OnProgress) -> Reader:
         """Let a hand move the handle while the law runs with the trial's settings."""
@@ -450,16 +435,11 @@ class LiveBench:
         say("zero of the transducer again")
         after = self._unloaded_zero()
         fixture.reload()
-
-        def read(found: Recorded) -> Samples:
-            count = round(trial.duration * self.rate)
-            samples = found.samples(
-                found.tick_at(begin_ns), count, before, after,
-                lambda force: np.full(len(force), np.nan),
-            )  # fmt: skip
-            return samples._replace(share=np.full(count, share))
-
-        return read
+        count = round(trial.duration * self.rate)
+        return lambda found: found.samples(
+            found.tick_at(begin_ns), count, before, after,
+            lambda force: np.full(len(force), np.nan),
+        )._replace(share=np.full(count, share))  # fmt: skip
 
     def _moved(self, trial: MotionTrial, on_progress: OnProgress) -> int:
         """Let the hand move for the trial's duration; return when it began [ns]."""
@@ -496,31 +476,26 @@ class LiveBench:
         self._say("waiting until the handle is at rest")
         robot.set_setpoint(z=trial.centre)
         robot.pause(_SETTLE_S)
-
-        def at_rest() -> bool:
-            nonlocal calm
+        end_ns = self.clock.now_ns() + round(_REST_LIMIT_S * 1e9)
+        while calm < _CALM_S and self.clock.now_ns() < end_ns:  # a chattering handle never rests
             robot.pause(0.1)
             calm = calm + 0.1 if abs(robot.newest(EncoderSample).velocity) < _CALM else 0.0
-            return calm >= _CALM_S
-
-        robot.met(at_rest, _REST_LIMIT_S)  # a chattering handle never is
 
     # Calibrations: only the graph's own; a trial with another one is refused ----------------
 
     def _check_calibrations(self, trial: MotionTrial) -> None:
         robot = self._robot
-        kinds: list[tuple[str, str, Any, Callable[..., Any], Callable[[], Any]]] = [
-            ("linearization", AMPLIFIER, trial.linearization, load_linearization,
-             default_linearization),
+        kinds: list[tuple[str, str, str, Any, tuple[Callable[..., Any], Callable[[], Any]]]] = [
+            ("linearization", "linearization", AMPLIFIER, trial.linearization,
+             (load_linearization, default_linearization)),
         ]  # fmt: skip
         if trial.mode in (FRICTION_COMPENSATION, COMBINED):
-            kinds.append(("friction", CONTROLLER, trial.friction, load_friction_model,
-                          thesis_friction))  # fmt: skip
-        for what, node, wanted, load, thesis in kinds:
-            used, name = calibrated(robot, node, what, load, thesis)
+            kinds.append(("friction", "friction model", CONTROLLER, trial.friction,
+                          (load_friction_model, thesis_friction)))  # fmt: skip
+        for what, text, node, wanted, sources in kinds:
+            used, name = calibrated(robot, node, what, *sources)
             if node == AMPLIFIER and not robot.parameters(AMPLIFIER, ("linearize",))["linearize"]:
                 used, name = None, "none"
-            text = "friction model" if what == "friction" else what
             if wanted not in (None, used):
                 raise NotPossible(
                     f"the trial wants another {text} than {node} runs with ({name}): start {node} "

@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.clock import TimeStandsStill, WallClock
-from screw_module_ros.identification import calibration, certificate, delivered_impedance
+from screw_module_ros.identification import calibration, delivered_impedance
 from screw_module_ros.identification.experiments import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Experiment, Result
@@ -78,8 +78,9 @@ class CharacterizeNode(Node):
         self._confirmed = threading.Event()
         self._doing = ""
         self._server = OneGoalServer(
-            self, RunExperiment, "~/run", self._work, self._refusal
-        )
+            self, RunExperiment, "~/run", self._work,
+            lambda: "" if self.active else "the node is not active",
+        )  # fmt: skip
         self.serve(Trigger, "~/confirm", self._confirm, "thank you", always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
@@ -128,9 +129,6 @@ class CharacterizeNode(Node):
 
     # Action --------------------------------------------------------------------------------
 
-    def _refusal(self) -> str:
-        return "" if self.active else "the node is not active"
-
     def _confirm(self, request: Trigger.Request) -> str:
         self._confirmed.set()
         return "" if self._server.busy else "nothing is being asked"
@@ -141,17 +139,16 @@ class CharacterizeNode(Node):
         if not request.experiment:
             return Outcome(RunExperiment.Result(success=True, message=listing()), True)
         self._doing = request.experiment
+        answer = RunExperiment.Result()
         left: list[str] = []
-        files: list[str] = []
-        text = kept = ""
-        cancelled = False
+        kept, cancelled = "", False
         try:
             root = root_folder(self.parameters.read(ResultsSettings).folder)
             experiment, settings, folder = _checked(request, root)
             kept = f"; what was finished is kept in {folder}"
             result = self._measured(goal, experiment, settings, folder, left)
-            files = [str(path) for path in result.save(folder)]
-            text = result.as_yaml()
+            answer.files = [str(path) for path in result.save(folder)]
+            answer.result, answer.success = result.as_yaml(), True
             message = f"{request.experiment} is done: {folder}"
         except Cancelled as error:
             cancelled, message = True, f"{error}{kept}"
@@ -163,14 +160,12 @@ class CharacterizeNode(Node):
         finally:
             self._doing = ""
             self.clock.leave()
-        message = "; ".join(dict.fromkeys([message, *left]))
-        done = bool(text)
-        if done and not left:
-            self.get_logger().info(message)
+        answer.message = "; ".join(dict.fromkeys([message, *left]))
+        if answer.success and not left:
+            self.get_logger().info(answer.message)
         else:
-            self.get_logger().warning(message)
-        answer = RunExperiment.Result(success=done, message=message, result=text, files=files)
-        return Outcome(answer, done, cancelled)
+            self.get_logger().warning(answer.message)
+        return Outcome(answer, answer.success, cancelled)
 
     def _measured(
         self, goal: Any, experiment: Experiment, settings: Any, folder: Path, left: list[str]
@@ -235,7 +230,7 @@ class OneGoalServer(ActionServer):
             _BySystemTime(node),
             kind,
             name,
-            _never,
+            work,  # which its thread does
             goal_callback=self._decide,
             cancel_callback=lambda goal: CancelResponse.ACCEPT,
         )
@@ -287,10 +282,6 @@ class _BySystemTime:
         return getattr(self._node, name)
 
 
-def _never(goal: ServerGoalHandle) -> None:
-    raise AssertionError("a goal is worked on by its thread")
-
-
 class Feedback:
     """Publishes feedback of one goal; `watch` is called each time and may raise to end the goal.
 
@@ -302,10 +293,9 @@ class Feedback:
         goal: Any,
         kind: type,
         watch: Callable[[], None],
-        clock: WallClock | None = None,
+        clock: WallClock = _WALL,
     ):
-        self._goal, self._message, self._watch = goal, kind(), watch
-        self._clock = clock or WallClock()
+        self._goal, self._message, self._watch, self._clock = goal, kind(), watch, clock
         self._due = 0.0
         self._first = (0.0, math.inf)  # time and seconds of excitation done then
 
@@ -315,26 +305,22 @@ class Feedback:
         self._goal.publish_feedback(self._message)
 
     def progress(self, experiment: str, done: float, total: float) -> None:
-        """Publish the progress; done, total: seconds of excitation, from `Lab`."""
+        """Publish the progress; done, total: seconds of excitation, from `Lab`.
+
+        The remaining time is the remaining excitation times the pace so far.
+        """
         self._watch()
         now = self._clock.now_ns() * 1e-9
         if done < self._first[1]:
             self._first = (now, done)
+        begun, before = self._first
+        # As if `_GOOD_S` had passed in real time at first, because preparations come first.
+        pace = (now - begun + _GOOD_S) / (done - before + _GOOD_S)
         self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0
-        self._message.remaining = self._remaining(now, done, total)
+        self._message.remaining = (total - done) * max(pace, 1.0)
         if now >= self._due:
             self._due = now + _FEEDBACK_S
             self._goal.publish_feedback(self._message)
-
-    def _remaining(self, now: float, done: float, total: float) -> float:
-        """Return the estimated time [s]: remaining excitation times the pace so far.
-
-        The pace starts as if `_GOOD_S` had passed in real time, because preparations come first.
-        """
-        begun, before = self._first
-        pace = (now - begun + _GOOD_S) / (done - before + _GOOD_S)
-        return (total - done) * max(pace, 1.0)
-
 
 def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     """Return experiment, settings and folder of a goal; the folder must be below `root`.
@@ -353,7 +339,7 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     below(root, str(folder / "parts" / experiment.name), "folder")
     written = [f"{experiment.name}.yaml", f"{experiment.name}.npz"]
     written += {
-        calibration.NAME: [calibration.FILE], delivered_impedance.NAME: [certificate.FILE]
+        calibration.NAME: [calibration.FILE], delivered_impedance.NAME: [calibration.CERTIFICATE]
     }.get(experiment.name, [])  # fmt: skip
     for name in written:
         if os.path.lexists(folder / name):  # also a dangling link

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from screw_module_msgs.msg import AmplifierState, EncoderSample, ImpedanceState, SafetyState
 
 from screw_module_ros import graph
@@ -17,11 +19,16 @@ from .fixture import topic_of
 _SILENT_S, _ANSWER_S = 2.0, 10.0
 
 
+def _heard(robot: Robot, kind: type, name: str, patience_s: float) -> Any:
+    """Return the newest message of a node; refuse one that is silent."""
+    if not robot.met(lambda: robot.state(kind), patience_s):
+        raise NotPossible(f"the {name} is silent: start and activate it first")
+    return robot.newest(kind)
+
+
 def check_homed(robot: Robot) -> None:
     """Refuse an encoder that is silent or not homed."""
-    if not robot.met(lambda: robot.state(EncoderSample), _SILENT_S):
-        raise NotPossible("the encoder is silent: start and activate it first")
-    if not robot.newest(EncoderSample).homed:
+    if not _heard(robot, EncoderSample, "encoder", _SILENT_S).homed:
         raise NotPossible(
             "the encoder is not homed: bring the nut to the reference mark, then "
             f"ros2 service call {topic_of(robot, 'encoder/home')} std_srvs/srv/Trigger"
@@ -41,9 +48,7 @@ def check_height(robot: Robot, height: float, within: float = 1e-3) -> None:
 
 def check_disabled(robot: Robot) -> None:
     """Refuse an amplifier that is silent or enabled."""
-    if not robot.met(lambda: robot.state(AmplifierState), _ANSWER_S):
-        raise NotPossible("the amplifier is silent: start and activate it first")
-    if robot.newest(AmplifierState).enabled:
+    if _heard(robot, AmplifierState, "amplifier", _ANSWER_S).enabled:
         raise NotPossible(f"the amplifier is enabled; disable it: {disabling(robot)}")
 
 
@@ -62,9 +67,7 @@ def check_passive(robot: Robot) -> None:
 
 def check_not_stopped(robot: Robot) -> None:
     """Refuse a robot that its supervisor has stopped."""
-    if not robot.met(lambda: robot.state(SafetyState), _ANSWER_S):
-        raise NotPossible("the supervisor is silent: start and activate it first")
-    state = robot.newest(SafetyState)
+    state = _heard(robot, SafetyState, "supervisor", _ANSWER_S)
     if state.level == SafetyState.STOPPED:
         raise NotPossible(
             f"the supervisor has stopped the robot ({'; '.join(state.reasons)}): ros2 service call "

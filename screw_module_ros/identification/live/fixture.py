@@ -210,21 +210,19 @@ class RigFixture:
         return self.truth().fixture
 
     def _fix(
-        self, fixture: str, speed: float = 0.0, position: float = _NAN, locked: bool = False
-    ) -> None:
+        self, fixture: str, speed: float = 0.0, position: float = _NAN, locked: bool = False,
+        settle_s: float = 0.0,
+    ) -> None:  # fmt: skip
         request = SetFixture.Request(
-            fixture=fixture,
-            speed=speed,
-            position=position,
-            upside_down=self._upside_down,
+            fixture=fixture, speed=speed, position=position, upside_down=self._upside_down,
             locked=locked,
-        )
+        )  # fmt: skip
         self._robot.ask(SetFixture, "sim_rig/set_fixture", request)
+        self._robot.pause(settle_s)
 
     def unload(self) -> None:
         """Put the pin in and let the handle go."""
-        self._fix("free", locked=True)
-        self._robot.pause(_SETTLE_S)
+        self._fix("free", locked=True, settle_s=_SETTLE_S)
 
     def stage_at(self, height: float, upside_down: bool) -> None:
         """Carry the handle to a height [m] and hold it there."""
@@ -237,16 +235,15 @@ class RigFixture:
     ) -> None:
         def there() -> bool:
             truth = self.truth()
-            near = abs(truth.handle_position - height) < within
-            return near and abs(truth.handle_velocity) < slower
+            off, speed = abs(truth.handle_position - height), abs(truth.handle_velocity)
+            return off < within and speed < slower
 
         self._robot.wait_until(there, _PLACING_S, f"the handle did not come to {height:g} m")
         self._robot.pause(_SETTLE_S)
 
     def stage_hold(self) -> None:
         """Take the handle as it hangs, pin out."""
-        self._fix("stage")
-        self._robot.pause(_SETTLE_S)
+        self._fix("stage", settle_s=_SETTLE_S)
 
     def stage_go(self, speed: float, end: float) -> None:
         """Start the stage, which itself moves on to the end of the travel."""
@@ -256,8 +253,8 @@ class RigFixture:
 
     def stage_passed(self, end: float) -> bool:
         """Return whether the stage has passed `end` [m]."""
-        direction = math.copysign(1.0, self._speed)
-        return direction * (self.truth().handle_position - end) > -0.1 * _THERE
+        beyond = self.truth().handle_position - end
+        return math.copysign(1.0, self._speed) * beyond > -0.1 * _THERE
 
     def stage_began_ns(self) -> float | None:
         """Return the time at which it began to move [ns], extrapolated from its positions."""
@@ -267,14 +264,12 @@ class RigFixture:
             for at, height in self._way
             if abs(height - self._begin) > max(1e-5, speed**2 / _ACCELERATION)
         ]
-        clock = self._robot.clock
-        stamps_ahead_ns = clock.stamp_ns() - clock.now_ns()
-        return statistics.median(begun) - stamps_ahead_ns if begun else None
+        ahead_ns = self._robot.clock.stamp_ns() - self._robot.clock.now_ns()  # the stamps are
+        return statistics.median(begun) - ahead_ns if begun else None
 
     def stage_halt(self) -> None:
         """Stop where it is."""
-        self._fix("stage")
-        self._robot.pause(_SETTLE_S)
+        self._fix("stage", settle_s=_SETTLE_S)
 
     def hand_at(self, hand: Arm, centre: float) -> None:
         """Carry the handle to the centre [m], where the hand holds it at rest."""
@@ -308,12 +303,10 @@ class RigFixture:
     def reload(self) -> None:
         """Remove the pin and restore the former fixture."""
         assert self._found is not None, "nothing was mounted by a trial"
-        if self._found.fixture == "human_arm":
+        height = _NAN
+        if self._found.fixture == "human_arm":  # the virtual hand is taken there as well
             height = min(max(self.truth().handle_position, 0.0), _TRAVEL)
-            self._fix("human_arm", position=height)  # takes the virtual hand there as well
-        else:
-            self._fix(self._found.fixture)
-        self._robot.pause(_SETTLE_S)
+        self._fix(self._found.fixture, position=height, settle_s=_SETTLE_S)
 
     def put_back(self) -> None:
         """Restore the former mounting, at rest at the present height."""

@@ -23,10 +23,11 @@ LARGEST_LOSS = 0.05  # share of the ticks that may be missing
 _FZ, _TZ = 2, 5  # columns of the wrench
 _ROUND = 2**32  # tick numbers start again here
 _FIELDS = {
-    graph.ENCODER: ("position", "velocity"),
-    graph.FORCE: ("fx", "fy", "fz", "tx", "ty", "tz"),
-    graph.FORCE_COMMAND: ("force",),
+    graph.ENCODER: ("encoder", "position", "velocity"),
+    graph.FORCE: ("force sensor", "fx", "fy", "fz", "tx", "ty", "tz"),
+    graph.FORCE_COMMAND: ("force command", "force"),
 }
+"""Names for messages, and the fields that are read."""
 
 
 class SamplesLost(RuntimeError):
@@ -104,15 +105,12 @@ class Recorded(NamedTuple):
             - (low[column] + share * (high[column] - low[column]))
             for column in (_FZ, _TZ)
         )
+        newest = np.searchsorted(self.command.ticks, grid, side="right")  # 0: none yet
         return Samples(
             np.arange(count) / self.rate, position, velocity, force, torque,
-            commands(self._held(grid)), np.full(count, np.nan),
+            commands(np.concatenate(([0.0], self.command.values[:, 0]))[newest]),
+            np.full(count, np.nan),
         )  # fmt: skip
-
-    def _held(self, grid: np.ndarray) -> np.ndarray:
-        """Return the newest command at each tick, 0 before the first [N]."""
-        newest = np.searchsorted(self.command.ticks, grid, side="right")
-        return np.concatenate(([0.0], self.command.values[:, 0]))[newest]
 
 
 def recorded(
@@ -128,26 +126,20 @@ def recorded(
 
 def joined(found: Mapping[str, Mapping[str, np.ndarray]], rate: float) -> Recorded:
     """Return the streams of the topics' fields, as arrays by name. Raises SamplesLost."""
-    encoder, force, command = (found[topic] for topic in _FIELDS)
-    names = ("encoder", "force sensor", "force command")
-    for name, fields in zip(names[:2], (encoder, force), strict=True):
-        if not len(fields.get("sequence", ())):
-            raise SamplesLost(f"{name}: not one sample came")
+    for topic in (graph.ENCODER, graph.FORCE):
+        if not len(found[topic].get("sequence", ())):
+            raise SamplesLost(f"{_FIELDS[topic][0]}: not one sample came")
+    force, origin = found[graph.FORCE], int(found[graph.ENCODER]["sequence"][0])
     good = force["status"].astype(int) & FORCE_FAULT_MASK == 0
-    force = {name: column[good] for name, column in force.items()}
-    origin = int(encoder["sequence"][0])
+    good_force = {name: column[good] for name, column in force.items()}
     streams = (
-        _stream(name, fields, wanted, origin)
-        for name, fields, wanted in zip(
-            names, (encoder, force, command), _FIELDS.values(), strict=True
-        )
+        _stream(*names, found=good_force if topic == graph.FORCE else found[topic], origin=origin)
+        for topic, names in _FIELDS.items()
     )
     return Recorded(rate, *streams)
 
 
-def _stream(
-    name: str, found: Mapping[str, np.ndarray], fields: tuple[str, ...], origin: int
-) -> Stream:
+def _stream(name: str, *fields: str, found: Mapping[str, np.ndarray], origin: int) -> Stream:
     if not len(found.get("sequence", ())):
         return Stream(name, np.empty(0, int), np.empty(0), np.empty((0, len(fields))))
     ticks = (found["sequence"].astype(np.int64) - origin + _ROUND // 2) % _ROUND - _ROUND // 2
