@@ -210,19 +210,20 @@ def filter_figure(taps: np.ndarray, title: str) -> Figure:
 def error_map(
     rows: Mapping[str, Sequence[float]], columns: Sequence[str], title: str
 ) -> Figure:
-    """Draw rows of rms errors [N] as a map with the numbers in it."""
-    size = (max(5.5, 3.0 + 0.62 * len(columns)), 2.9 + 0.36 * len(rows))
-    figure, axes = panels(size=size)
+    """Draw rows of rms errors [N] as a map with the numbers in it, the longer list downwards."""
+    table, down = np.array(list(rows.values())), list(rows)
+    across = [_case_text(name) for name in columns]
+    if len(across) > len(down):
+        table, down, across = table.T, across, down
+    figure, axes = panels(size=(4.0 + 0.62 * len(across), 2.9 + 0.3 * len(down)))
     axes.grid(False)
-    table = np.array(list(rows.values()))
     image = axes.imshow(table, cmap="cividis_r", norm=LogNorm(0.05, 20.0, clip=True), aspect="auto")
     for (row, column), value in np.ndenumerate(table):
         axes.text(column, row, f"{value:.2g}", ha="center", va="center", fontsize=8,
                   color="white" if value > _BAD_N else "black")  # fmt: skip
-    axes.set_yticks(range(len(rows)), list(rows))
-    axes.set_xticks(range(len(columns)), [_case_text(name) for name in columns], rotation=55,
-                    ha="right")  # fmt: skip
-    axes.set_title(title)
+    axes.set_yticks(range(len(down)), down)
+    axes.set_xticks(range(len(across)), across, rotation=55, ha="right")
+    figure.suptitle(title, x=0.01, ha="left")
     figure.colorbar(image, ax=axes, label="rms force error [N]", shrink=0.8)
     return figure
 

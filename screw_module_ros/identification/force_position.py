@@ -76,7 +76,7 @@ _CURVES = (
 CURVES = {curve.name: curve for curve in _CURVES}
 _TITLES = {
     "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),
-    "6-2": (("pd_1000",), "Fig. 6-2: PD, 1000 N/m, saturating below"),
+    "6-2": (("pd_1000",), "Fig. 6-2: PD, 1000 N/m; above, its downward limit acts"),
     "6-5": (("pd_100", "damping_-25", "damping_-50"), "Fig. 6-5: negative damping"),
     "6-8": (("pd_100", "friction_model"), "Fig. 6-8: PD, and the plant's own friction model"),
     "6-10": (("pd_100", "feedback_5"), "Fig. 6-10: PD, and with force feedback, gain 5"),
@@ -97,7 +97,7 @@ _LABELS = {
     "feedback_2": "gain 2",
     "feedback_5": "gain 5",
     "feedback_8": "gain 8",
-    "combined_5": "the same and gain 5",
+    "combined_5": "friction model and gain 5",
     "simulated_pd": "PD",
     "simulated_feedback_5": "force feedback, gain 5",
 }

@@ -177,10 +177,12 @@ def draw(result: Result) -> Drawn:
     """Draw the rms error of every trial with and without feedback as a map."""
     cases = list(result.settings["cases"])
     rows = {
-        f"feedback: {kind}": [result.value(f"rms_{kind}_{case}") for case in cases]
+        ("force feedback" if kind == "feedback" else "no force feedback"): [
+            result.value(f"rms_{kind}_{case}") for case in cases
+        ]
         for kind in result.settings["kinds"]
     }
-    title = "Force in the plane beyond the impedance asked for, all samples"
+    title = "Force beyond the impedance, in the plane, all samples"
     return {"planar error": error_map(rows, cases, title)}
 
 

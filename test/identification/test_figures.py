@@ -118,7 +118,7 @@ def test_they_draw_what_they_kept(kept, tmp_path):
         drawn = EXPERIMENTS[name].draw(result)
         assert drawn, name
         for title, figure in drawn.items():
-            assert figure.axes[0].get_title("left"), (name, title)
+            assert figure.get_suptitle() or figure.axes[0].get_title("left"), (name, title)
             for axes in figure.axes:
                 assert axes.has_data() or axes.patches, (name, title)
             file = figures.save(figure, tmp_path / f"{name}-{title.replace(' ', '_')}.png")
