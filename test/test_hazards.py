@@ -70,7 +70,7 @@ def test_every_test_named_is_there(named):
         return
     file, _, name = named.partition("::")
     text = (ROOT / file).read_text(encoding="utf-8")
-    assert not name or re.search(rf"^(def {name}\(|{name} = )", text, re.MULTILINE)
+    assert not name or re.search(rf"^(def {name}\(|{name} = |\w+: {name}$)", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("file", FILES)

@@ -168,6 +168,21 @@ def drive(make_bench) -> Bench:
 
 
 @pytest.fixture
+def streaming(encoder: Bench) -> Bench:
+    """Return an encoder that answers each SYNC with its position."""
+    encoder.silence(2)
+    encoder.map_pdo(2, 0, ["20000460"], "01", "82010000")
+    encoder.start(2)
+    encoder.drain()
+    return encoder
+
+
+@pytest.fixture
+def planar(make_bench) -> Bench:
+    return make_bench("planar")
+
+
+@pytest.fixture
 def sensor(make_bench) -> Bench:
     """Return a force sensor whose converter has no noise, so that its words are exact."""
     bench = make_bench("force_sensor")
