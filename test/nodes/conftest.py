@@ -5,12 +5,20 @@ from __future__ import annotations
 
 import gc
 import sys
+from types import SimpleNamespace
 
 import pytest
 import rclpy
 from node_classes import node_class
 from rclpy.signals import SignalHandlerOptions
 
+from screw_module_ros.calibration.module import (
+    ModuleCalibration,
+    SensorBias,
+    thesis_friction,
+    write_calibration,
+)
+from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.nodes.support.node import Node
 
 
@@ -41,3 +49,16 @@ def make_node(monkeypatch):
     made.clear()
     node = None
     gc.collect()
+
+
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory):
+    """Return the path, content and identity of the calibration of the module of params/sim.yaml."""
+    path = tmp_path_factory.mktemp("calibration") / "sim_module.yaml"
+    written = write_calibration(path, ModuleCalibration(
+        serial="SIM-0001", date="2001-05-11T09:30:00Z", software="0.1.0", gravity_N=9.25,
+        mass_kg=5.5, sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3),
+        residuals={"friction_rms_N": 0.8}, friction=thesis_friction()._replace(phase_rad=0.4),
+        linearization=default_linearization(0.02),
+    ))  # fmt: skip
+    return SimpleNamespace(path=path, written=written, identity=written.identity(path))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole graph against the rig, as separate processes and with `module` in place of four.
 
-Topics, services, enabling, stopping: nobody outside may see a difference between the two. What only
-one of them has stands at the end. How the drive stops without its process: rows `module-*` in
-test/faults.
+Topics, services, enabling, the module's calibration: nobody outside may see a difference between
+the two. What only one of them has stands at the end. How both stop: the rows in test/faults.
 """
 
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import random
 import subprocess
@@ -28,7 +28,6 @@ from screw_module_msgs.msg import (
     PlanarState,
     SafetyState,
 )
-from std_srvs.srv import SetBool
 
 import harass
 from screw_module_ros.graph import (
@@ -42,6 +41,7 @@ from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.recording.decoded import calibrations
 from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -98,10 +98,12 @@ SERVICES = {
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["separate", "composed"])
-def run(request, tmp_path_factory):
+def run(request, tmp_path_factory, calibration):
     """Return the running graph; it must end in order, also while both torques are on."""
     folder = tmp_path_factory.mktemp("bags")
     extra = ["-p", f"session_recorder:folder:={folder}"]
+    for name in ("impedance_controller", "amplifier"):
+        extra += ["-p", f"{name}:calibration_file:={calibration.path}"]
     with GraphRun(extra=extra, composed=request.param) as graph:
         yield graph
         codes = graph.stop()
@@ -219,71 +221,27 @@ def test_enable_move_and_disable(ready):
     assert ready.newest(AmplifierState).commanded_torque == 0.0
 
 
-def test_emergency_stop_and_reset(ready):
-    """An estop takes the torque of all axes; neither its reset nor time brings it back."""
-    ready.enable()
-    ready.enable_plane()
-    ready.trigger("supervisor/estop")
+def test_the_calibration_is_shown_and_in_every_bag(robot, calibration):
+    """What a bag says of the module must be what was in force."""
+    shown: dict[str, dict[str, str]] = {}
 
-    def off() -> bool:
-        return not ready.newest(AmplifierState).enabled and not ready.newest(PlanarState).enabled
+    def hear(array: DiagnosticArray) -> None:
+        for status in array.status:
+            shown[status.name] = {value.key: value.value for value in status.values}
 
-    ready.wait_until(off, 5.0, "the estop did not take the torque away")
-    with pytest.raises(RobotError, match="emergency stop"):
-        ready.enable()
-    ready.trigger("supervisor/reset")
-    ready.wait_until(
-        lambda: ready.newest(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
-    )
-    ready.pause(0.5)
-    assert off()
-    ready.enable()
+    robot.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 50)
+    bag = robot.start_recording()
+    states = ("screw/controller_state", "screw/amplifier_state")
 
+    def is_recorded() -> bool:
+        counts = shown.get("session_recorder", {})
+        return all(json.loads(counts.get(f"/{t}", "{}")).get("messages", 0) for t in states)
 
-def test_vertical_lock_leaves_the_plane(ready):
-    """With the pin in there is no vertical torque; the plane works on."""
-    ready.ask(SetBool, "supervisor/lock_vertical", SetBool.Request(data=True))
-    try:
-        ready.wait_until(
-            lambda: ready.newest(SafetyState).vertical_locked, 5.0, "the lock is not shown"
-        )
-        with pytest.raises(RobotError, match="permit"):
-            ready.enable()
-        ready.enable_plane()
-    finally:
-        ready.ask(SetBool, "supervisor/lock_vertical", SetBool.Request(data=False))
-
-
-def test_drive_fault_is_told_and_cleared_by_hand(ready):
-    """A fault of the drive: torque off, reason and STOPPED; clear, reset, enable bring it back."""
-    ready.enable()
-    ready.inject("drive", "over_temperature")
-    ready.wait_until(
-        lambda: ready.newest(AmplifierState).faulted, 5.0, "the drive's fault is not shown"
-    )
-    assert "temperature" in ready.newest(AmplifierState).reason
-    ready.wait_until(
-        lambda: ready.newest(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
-    )
-    ready.inject("drive", "clear")
-    ready.trigger("amplifier/clear_fault")
-    ready.wait_until(lambda: not ready.newest(AmplifierState).faulted, 5.0, "still faulted")
-    ready.trigger("supervisor/reset")
-    ready.wait_until(
-        lambda: ready.newest(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
-    )
-    ready.enable()
-
-
-def test_a_sensor_fault_stays_until_somebody_clears_it(ready):
-    """A bad status is shown and latched; gone at the device it is cleared by ~/tare, not before."""
-    ready.inject("force_sensor", "status", 5.0)
-    ready.wait_until(lambda: "supply" in ready.said("force_sensor"), 10.0, "the fault is not told")
-    ready.inject("force_sensor", "clear")
-    ready.pause(1.2)
-    assert "supply" in ready.said("force_sensor")
-    ready.tare()
-    ready.wait_until(lambda: ready.said("force_sensor") == "sampling", 10.0, "still in fault")
+    robot.wait_until(is_recorded, 20.0, "not recorded")
+    robot.stop_recording()
+    assert calibrations(bag) == {f"/{topic}": calibration.identity for topic in states}
+    for node in ("impedance_controller", "amplifier"):
+        assert shown[node]["calibration"] == calibration.identity
 
 
 def profiles_seen(robot, found) -> dict:

@@ -10,13 +10,13 @@ from screw_module_ros.graph import BUSES, GRAPH
 from screw_module_ros.nodes.bringup import BENCH_PARAMETERS, SIMULATION_PARAMETERS
 from screw_module_ros.plant.world import load_world
 from screw_module_ros.resources import resource_path
-from screw_module_ros.settings import SettingError
 
 FILES = {
     SIMULATION_PARAMETERS: [entry.executable for entry in GRAPH],
     BENCH_PARAMETERS: [entry.executable for entry in GRAPH if not entry.simulation],
 }
 EVERY_NODE = "/**"
+NAMESPACES = {SIMULATION_PARAMETERS: "/left", BENCH_PARAMETERS: "/"}
 PAIRS = [(file, node) for file, nodes in FILES.items() for node in nodes]
 
 
@@ -45,28 +45,18 @@ def test_both_ends_of_a_bus_have_the_name_of_the_table(make_node):
         assert rig.get_parameter(f"{bus.name}.can.channel").value == bus.name
 
 
-@pytest.mark.parametrize("namespace", ["/", "/left"])
 @pytest.mark.parametrize(("file", "name"), PAIRS)
-def test_the_node_takes_what_the_file_says(make_node, file, name, namespace):
-    """Every value in the file is declared, of the right type, in range, and taken over."""
-    node = make_node(name, "--params-file", str(resource_path(file)), "-r", f"__ns:={namespace}")
+def test_the_node_takes_what_the_file_says(make_node, file, name):
+    """Every value in the file is declared, of the right type, in range, and taken over.
+
+    `ros2 param describe` has a sentence for each parameter of ours.
+    """
+    given = ["--params-file", str(resource_path(file)), "-r", f"__ns:={NAMESPACES[file]}"]
+    node = make_node(name, *given)
     for parameter, value in read(file)[name].items():
         assert node.get_parameter(parameter).value == value
-
-
-@pytest.mark.parametrize("name", FILES[SIMULATION_PARAMETERS])
-def test_every_parameter_is_described(make_node, name):
-    """`ros2 param describe` has a sentence for each parameter of ours."""
-    node = make_node(name)
     for parameter in node.parameters._fields:
         assert len(node.describe_parameter(parameter).description) > 5, parameter
-
-
-@pytest.mark.parametrize("name", FILES[SIMULATION_PARAMETERS])
-def test_an_unknown_parameter_is_refused(make_node, name):
-    """A misspelt name stops the start, with the names there are."""
-    with pytest.raises(SettingError, match="no_such_parameter is unknown to node"):
-        make_node(name, "-p", "no_such_parameter:=1")
 
 
 def test_home_position_is_where_the_rig_stands():

@@ -262,16 +262,3 @@ def test_a_page_with_the_wrong_token_says_so(stage, browser):
     said.wait_for(timeout=DEADLINE_MS)
     assert said.is_visible()
     page.close()
-
-
-def test_a_foreign_page_reaches_nothing(stage, browser):
-    page = browser.new_page()
-    page.goto("data:text/html,<title>foreign</title>")
-    address = stage.address.replace("http", "ws")
-    closed = page.evaluate(
-        "(url) => new Promise((done) => { const socket = new WebSocket(url);"
-        " socket.onopen = () => done('open'); socket.onclose = () => done('closed'); })",
-        f"{address}/ws?token={stage.tokens.therapist}",
-    )
-    assert closed == "closed"
-    page.close()

@@ -14,69 +14,53 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from screw_module_msgs.msg import EndpointState, TherapyState, TrialResult
 from std_msgs.msg import Empty
 
-from screw_module_ros.bridge.client import ServiceError
-from screw_module_ros.nodes import bridge_gateway
-from screw_module_ros.settings import SettingError
-
 
 @pytest.fixture
-def refused(make_node):
-    """Return `refused(*ros_args)`: the sentence with which configuring is refused."""
+def bridge(make_node, tmp_path):
+    """Return a maker of connected bridges, on any port, with tokens of their own."""
+    made = []
 
-    def refuse(*ros_args):
-        node = make_node("web_bridge", *ros_args)
-        with pytest.raises((ValueError, OSError)) as error:
-            node.connect()
+    def make(*words: str):
+        tokens = f"token_file:={tmp_path}/state/tokens.json"
+        made.append(make_node("web_bridge", "-p", "port:=0", "-p", tokens, *words))
+        made[-1].connect()
+        return made[-1]
+
+    yield make
+    for node in made:
         node.disconnect()
-        return str(error.value)
-
-    return refuse
 
 
-@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.7.7", "'::'", "robot.example"])
-def test_no_other_address_without_tls(refused, address):
-    told = refused("-p", f"address:={address}")
-    assert "name a certificate and its key, or listen on 127.0.0.1" in told
+REFUSED = [
+    *(([f"address:={address}"], "name a certificate and its key, or listen on 127.0.0.1")
+      for address in ("0.0.0.0", "192.168.7.7", "'::'", "robot.example")),
+    (["address:=0.0.0.0", "certificate:={folder}/none.pem"], "none.pem: there is no such file"),
+    (["robots:=[left, /left/]"], "/left is named twice"),
+    (["robots:=['1 2']"], "is no namespace"),
+    (["token_file:={folder}/tokens.json"], "chmod 700"),  # a folder that others can read
+]  # fmt: skip
 
 
-def test_a_certificate_that_is_not_there_is_named(refused, tmp_path):
-    told = refused("-p", "address:=0.0.0.0", "-p", f"certificate:={tmp_path}/none.pem")
-    assert "none.pem: there is no such file" in told
+@pytest.mark.parametrize(("given", "told"), REFUSED)
+def test_what_it_does_not_start_with(make_node, tmp_path, given, told):
+    tmp_path.chmod(0o755)
+    words = [word for each in given for word in ("-p", each.format(folder=tmp_path))]
+    node = make_node("web_bridge", *words)
+    with pytest.raises((ValueError, OSError)) as error:
+        node.connect()
+    node.disconnect()
+    assert told in str(error.value)
 
 
-@pytest.mark.parametrize(("robots", "told"), [
-    ("[left, /left/]", "/left is named twice"), ("['1 2']", "is no namespace"),
-])  # fmt: skip
-def test_robots_that_cannot_be_are_named(refused, robots, told):
-    assert told in refused("-p", f"robots:={robots}")
-
-
-def test_tokens_that_others_can_read_are_refused(refused, tmp_path):
-    (tmp_path / "open").mkdir(mode=0o755)
-    (tmp_path / "open").chmod(0o755)
-    file = tmp_path / "open" / "tokens.json"
-    file.write_text("{}")
-    assert "chmod 700" in refused("-p", f"token_file:={file}")
-
-
-@pytest.mark.parametrize("given", ["port:=70000", "limits.rate:=1000.0", "limits.size:=1"])
-def test_values_out_of_range_are_refused(make_node, given):
-    with pytest.raises(SettingError, match=given.split(":=")[0]):
-        make_node("web_bridge", "-p", given)
-
-
-def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
-    file = tmp_path / "state" / "tokens.json"
-    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={file}")
-    node.connect()
+def test_it_serves_while_it_is_active_and_only_then(bridge, tmp_path):
+    node = bridge()
     node.begin()
     address = node._server.address
     assert address.startswith("http://127.0.0.1:")
+    file = tmp_path / "state" / "tokens.json"
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    health = node.health()
-    assert health.values["address"] == address
+    assert node.health().values["address"] == address
     node.end()
-    node.disconnect()
 
     async def ask():
         async with aiohttp.ClientSession() as session:
@@ -86,27 +70,19 @@ def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
         asyncio.run(ask())
 
 
-def test_a_port_that_is_taken_is_told_with_the_way_out(make_node, tmp_path):
+def test_a_port_that_is_taken_is_told_with_the_way_out(bridge):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        node = make_node(
-            "web_bridge", "-p", f"port:={port}", "-p", f"token_file:={tmp_path}/s/tokens.json"
-        )
-        node.connect()
+        node = bridge("-p", f"port:={port}")
         with pytest.raises(OSError, match=f"port {port}: .*choose another port"):
             node.begin()
         node.end()
-        node.disconnect()
 
 
-def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
-    node = make_node(
-        "web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json",
-        "-p", "robots:=[left, right]",
-    )  # fmt: skip
-    node.connect()
+def test_two_robots_are_heard_and_told_apart(bridge, wait_until):
+    node = bridge("-p", "robots:=[left, right]")
     gateway = node._gateway
     publisher = node.create_publisher(EndpointState, "/right/endpoint_state", 1)
 
@@ -125,23 +101,11 @@ def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
         return heard.handle.take_message(Empty, False)
 
     wait_until(attended)
-    node.disconnect()
 
 
-def test_a_service_that_nobody_offers_is_told(make_node, tmp_path, monkeypatch):
-    monkeypatch.setattr(bridge_gateway, "_FOUND_S", 0.0)
-    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
-    node.connect()
-    with pytest.raises(ServiceError) as error:
-        asyncio.run(node._gateway.call("/supervisor/estop", {}))
-    assert str(error.value) == "nobody offers /supervisor/estop: is its node running?"
-    node.disconnect()
-
-
-def test_the_results_of_a_session_are_kept_until_it_ends(make_node, tmp_path, wait_until):
+def test_the_results_of_a_session_are_kept_until_it_ends(bridge, wait_until):
     """1100 were, from patient to patient, and each patient's token could read them."""
-    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
-    node.connect()
+    node = bridge()
     gateway = node._gateway
     results = node.create_publisher(TrialResult, "/therapy/trial", 10)
     states = node.create_publisher(TherapyState, "/therapy/state", 10)
@@ -166,11 +130,10 @@ def test_the_results_of_a_session_are_kept_until_it_ends(make_node, tmp_path, wa
     assert [number for number, _ in gateway.after("/therapy/trial", 1)] == [2, 3], (
         "who has subscribed before gets the last ones"
     )
-    node.disconnect()
 
 
 def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):
-    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node = make_node("web_bridge", "-p", f"token_file:={tmp_path}/s/tokens.json")
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert not node._rights.wishes
     assert node.parameters.write(wishes=True) == ""

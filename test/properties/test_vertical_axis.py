@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 
 import pytest
 from anything import MS, absurd, fixed, near
@@ -25,6 +26,7 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 pytestmark = pytest.mark.long
@@ -333,3 +335,22 @@ TestDrive = DriveMachine.TestCase
 TestDrive.settings = fixed(30, 25)
 TestVerticalAxis = AxisMachine.TestCase
 TestVerticalAxis.settings = fixed(20, 20)
+
+
+def test_twenty_missed_in_a_row_stop_the_torque():
+    """Though each command is fresh enough by itself; in time again, the torque stays off."""
+    machine = AxisMachine()
+    try:
+        machine.bring_up(60)
+        for missed in ("", "2[0-3] deadlines missed in a row"):
+            for _ in range(16):  # 3 ms late each; the permission is looked at each fourth tick
+                now_ns = machine.advance(1)
+                machine.permit(True, 0)
+                machine.axis.act(now_ns // MS - 3, now_ns - 3 * MS, 60.0, now_ns)
+                machine.axis.end(Tick(now_ns // MS, now_ns, 0, 0), lambda permit, now_ns: None)
+            assert re.fullmatch(missed, machine.axis.permit.fault.reason)
+        machine.commands()
+        machine.work(60)
+        assert not machine.axis.permit.enabled and machine.axis.last.torque == 0.0
+    finally:
+        machine.teardown()

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The supervisor in this process, ended and made again: what was stopped is stopped."""
+"""The supervisor in this process: sensors with an error, and what outlives it.
+
+Ended and made again, what was stopped is stopped.
+"""
 
 from __future__ import annotations
 
 import os
+import shutil
 from types import SimpleNamespace
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.nodes.supervisor import SupervisorNode
@@ -63,6 +69,9 @@ def lives(monkeypatch):
     return lambda node, loop: runtime._live([node], loop)
 
 
+SILENT = "manus: no message for more than 0.2 s"
+
+
 def fails(*_):
     raise ZeroDivisionError
 
@@ -103,29 +112,27 @@ def test_estop_lock_and_latched_stop_outlive_the_process(supervisor):
     assert not node._kept.path.exists()
 
 
-def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor, lives):
+@pytest.mark.parametrize("end", ["in order", "loop", "requests", "cleanup"])
+def test_only_an_orderly_end_forgets_what_was_latched(supervisor, lives, end):
+    """Emergency stop and lock alone outlive one; a cleanup is no end, nor is an error."""
     node = supervisor()
     estop(node)
-    node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
+    node._state = node._state._replace(latched=(SILENT,))
     node._publish(1)
-    assert lives(node, lambda nodes: node.stopping.set())
-    node = supervisor()
-    assert node._state.estopped and not node._state.latched
-
-
-@pytest.mark.parametrize("failed", ["loop", "requests"])
-def test_an_end_by_an_error_keeps_the_latched_stop(supervisor, lives, failed):
-    node = supervisor()
-    node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
-    node._publish(1)
-    if failed == "requests":
+    if end == "in order":
+        assert lives(node, lambda nodes: node.stopping.set())
+    elif end == "requests":
         node.periodic.every(node.clock, 0.0, fails)  # in the thread that serves
         assert not lives(node, lambda nodes: node.stopping.wait(20.0))
-    else:
+    elif end == "loop":
         with pytest.raises(ZeroDivisionError):
             lives(node, fails)
+    else:
+        node.trigger_deactivate()
+        node.trigger_cleanup()
     node = supervisor()
-    assert node._state.latched == (EARLIER + "manus: no message for more than 0.2 s",)
+    assert node._state.estopped
+    assert node._state.latched == (() if end == "in order" else (EARLIER + SILENT,))
 
 
 def test_a_stop_that_could_not_be_saved_is_saved_later(supervisor):
@@ -140,17 +147,6 @@ def test_a_stop_that_could_not_be_saved_is_saved_later(supervisor):
     node._publish(1)
     node = supervisor()
     assert node._state.estopped
-
-
-def test_a_cleanup_is_no_end_the_latched_stop_stays(supervisor):
-    """It was forgotten when the process was killed before it was configured again."""
-    node = supervisor()
-    node._state = node._state._replace(latched=("encoder: index pulse lost",))
-    node._publish(1)
-    node.trigger_deactivate()
-    node.trigger_cleanup()
-    node = supervisor()
-    assert node._state.latched == (EARLIER + "encoder: index pulse lost",)
 
 
 def test_activated_again_it_does_not_blame_nodes_for_its_own_pause(supervisor):
@@ -180,14 +176,10 @@ def heard(node, now, enabled=False):
         )
 
 
-def test_nothing_is_written_while_there_is_nothing_to_keep(supervisor, folder):
+def test_written_once_for_each_change(supervisor, folder):
     node = supervisor()
     node._publish(1)
-    assert not [path for path in folder.rglob("*") if path.is_file()]
-
-
-def test_written_once_for_each_change(supervisor):
-    node = supervisor()
+    assert not [path for path in folder.rglob("*") if path.is_file()], "nothing to keep"
     estop(node)
     node._kept.path.unlink()
     node._publish(1)
@@ -195,7 +187,7 @@ def test_written_once_for_each_change(supervisor):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{}", b"{", b"\xff\xfe", b"null", b'{"estopped": 0}', b"\x00" * 60]
+    "content", [b"", b"{}", b"\xff\xfe", b'{"estopped": 0}']
 )
 def test_garbage_counts_as_an_emergency_stop(supervisor, content):
     node = supervisor()
@@ -214,6 +206,11 @@ def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
     said = []
     log = SimpleNamespace(warning=said.append, info=said.append, error=said.append)
     monkeypatch.setattr(SupervisorNode, "get_logger", lambda self: log)
+    with monkeypatch.context() as patch:
+        patch.setattr("os.access", lambda path, mode: False)
+        with pytest.raises(PermissionError):  # where nothing can be written nothing was kept
+            Kept("/supervisor").read()
+    shutil.rmtree(folder)
     folder.write_text("no folder")
     node = supervisor()
     node._publish(1)
@@ -252,16 +249,40 @@ def test_one_file_however_the_environment_spells_it(monkeypatch, tmp_path, first
     assert Kept("/supervisor").read() == {"a": 1}
 
 
-def test_where_nothing_can_be_written_nothing_was_kept(supervisor, folder, monkeypatch):
-    monkeypatch.setattr("os.access", lambda path, mode: False)
-    node = supervisor()
-    node._publish(1)
-    assert node._publisher.told[-1][0]
-
-
 def test_deciding_filling_and_publishing_are_one(supervisor):
     """Else an emergency stop could go out with what the loop has filled in: permitted."""
     node = supervisor()
     node._publish(1)
     estop(node)
     assert node._publisher.held == [True, True]
+
+
+S = 1_000_000_000
+
+
+def report(node, now_ns, **sample):
+    """Return what the supervisor makes of a force sensor's sample that has just come."""
+    newest = SimpleNamespace(message=ForceSample(**sample), arrival_ns=now_ns)
+    return node._report("force_sensor", newest, now_ns)
+
+
+def diagnose(node, level, message):
+    status = DiagnosticStatus(name="force_sensor", level=level, message=message)
+    node._note_diagnostics(DiagnosticArray(status=[status]))
+
+
+def test_the_status_in_the_sample_decides_without_any_diagnostics(supervisor):
+    node = supervisor()
+    assert not report(node, S).error
+    found = report(node, S, status=1 << 4)
+    assert found.error and found.reason == "force sensor: supply too high (status bit 4)"
+
+
+def test_an_alarm_stands_until_the_node_says_otherwise(supervisor):
+    """It expired after 3 s without diagnostics, while the faulty sensor went on sending."""
+    node = supervisor()
+    diagnose(node, DiagnosticStatus.ERROR, "the gauges have not changed for 0.5 s")
+    for seconds in (1, 10, 1000):
+        assert report(node, seconds * S).reason == "the gauges have not changed for 0.5 s"
+    diagnose(node, DiagnosticStatus.OK, "sampling")
+    assert not report(node, 1001 * S).error

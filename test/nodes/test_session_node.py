@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder that hangs, dies or whose disk is full holds up no session, and none goes on unaware.
+"""`therapy_session` without a graph: its messages, its game, its recorder.
 
-The recorder is played: only the session's side runs, mostly without ROS's graph.
+A recorder that hangs, dies or whose disk is full holds up no session, and none goes on unaware.
 """
 
 from __future__ import annotations
 
+import math
 import threading
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -15,11 +17,13 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from screw_module_msgs.srv import StartRecording
+from screw_module_msgs.msg import EndpointSetpoint, EndpointState, SafetyState, TherapyState
+from screw_module_msgs.srv import StartRecording, StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.session_recorder import SessionRecorder
+from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.therapy_recording import (
     BEGUN,
     LOST,
@@ -29,7 +33,12 @@ from screw_module_ros.nodes.therapy_recording import (
     SessionRecording,
 )
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
+from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.recording.recorder import Status
+from screw_module_ros.therapy.hand import SAFETY_OK
+from screw_module_ros.therapy.session import State
+from screw_module_ros.therapy.trial import Phase
+from screw_module_ros.therapy.wishes import WishLimits
 
 S = 1_000_000_000
 DONE = Trigger.Response(success=True, message="bag")
@@ -306,3 +315,168 @@ def test_without_a_recorder_it_is_refused_after_a_while(served):
     assert made.follow(True, 6 * S - 1) == ""
     assert made.follow(True, 6 * S) == REFUSED
     assert "no session_recorder answers" in made.message
+
+
+S = 1_000_000_000
+HAND = (0.05, 0.0, 0.2)
+
+
+@pytest.fixture
+def relay():
+    wishes, asked = [], []
+
+    def publish(message):
+        asked.append((message.position.x, message.position.y, message.position.z))
+
+    node = SimpleNamespace(outlet=lambda *offer: publish, stamp=lambda header: None)
+    inbox = SimpleNamespace(
+        subscribe=lambda *request: lambda: wishes.pop(0) if wishes else None
+    )
+    made = WishRelay(node, inbox, WishLimits())
+    made.wishes, made.asked = wishes, asked
+    return made
+
+
+def wish(x):
+    message = EndpointSetpoint()
+    message.position.x, message.position.z = x, 0.2
+    return message
+
+
+def test_a_game_that_is_cut_off_lets_the_hand_go_at_once(relay):
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    assert len(relay.asked) == 1 and relay.asked[0] != HAND
+    relay.wishes.append(wish(0.1))
+    relay.relay(False, HAND, 10 * S + 50_000_000)  # the therapist allows no wishes any more
+    assert relay.asked[1:] == [HAND]
+    relay.wishes.append(wish(0.1))
+    relay.relay(False, HAND, 20 * S)
+    assert len(relay.asked) == 2, "once: others may ask for set points as well"
+    relay.wishes.append(wish(0.14))
+    relay.relay(True, HAND, 21 * S)
+    assert relay.asked[2][0] == pytest.approx(0.05 + 0.2 * 0.3), "from the hand on, at its speed"
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_hand_of_unknown_position_is_let_go_as_soon_as_it_is_known(relay, allowed):
+    """endpoint_state fails together with the game: no set point at all would leave the spring."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    relay.relay(allowed, None, 12 * S)
+    relay.relay(allowed, (math.nan, math.nan, 0.2), 13 * S)
+    assert len(relay.asked) == 1, "nowhere is no place to let it go at"
+    relay.relay(allowed, HAND, 14 * S)
+    relay.relay(allowed, HAND, 15 * S)
+    assert relay.asked[1:] == [HAND]
+
+
+@pytest.mark.parametrize(("age_s", "expected"), [(0.1, HAND), (0.5, None)])
+def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
+    """Else the first wish, or the release, would pull from a place that the hand has left."""
+    given = []
+    node = SimpleNamespace(
+        _session=None, _sampled_ns=10 * S, _sample=SimpleNamespace(position=HAND),
+        parameters=SimpleNamespace(read=lambda kind: SimpleNamespace(allow_wishes=True)),
+        _wishes=SimpleNamespace(relay=lambda allowed, hand, now_ns: given.append(hand)),
+    )  # fmt: skip
+    node._silent = lambda now_ns: TherapySessionNode._silent(node, now_ns)
+    node._is_under_way = lambda: False
+    TherapySessionNode._relay_wishes(node, 10 * S + round(age_s * S))
+    node._sampled_ns = node._sample = None  # nothing was heard yet
+    TherapySessionNode._relay_wishes(node, 11 * S)
+    assert given == [expected, None]
+
+
+def test_a_session_begins_without_the_games_set_point(relay):
+    """NaN alone leaves the spring where it is, and it pulled until the recording had begun."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    relay.begin(WishLimits())
+    assert all(value != value for value in relay.asked[-1])
+    for second in (11, 12):
+        relay.relay(False, HAND, second * S)
+    assert relay.asked[2:] == [HAND]
+
+
+def test_the_sessions_node_takes_a_games_pull_with_it(relay):
+    """Nobody would ever let the hand go: the controllers keep the newest set point."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    recording = SimpleNamespace(close=lambda: None)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=None, _recording=recording, _wishes=relay,
+        clock=ManualClock(10 * S), _silent=lambda now_ns: False,
+        _sample=SimpleNamespace(position=HAND), _is_under_way=lambda: False,
+    )  # fmt: skip
+    node._relay_wishes = partial(TherapySessionNode._relay_wishes, node)
+    TherapySessionNode.end(node)
+    assert relay.asked[1:] == [HAND]
+
+
+S = 1_000_000_000
+
+
+def test_a_node_that_was_deactivated_forgets_the_patient(make_node):
+    node, published = make_node("therapy_session"), []
+    node.connect()
+    node.begin()
+    node._state.patient, node._state.trial, node._state.reason = "P-7K3QX", 12, "it was ended"
+    node._state.definition_sha256 = "0" * 64
+    node.begin()
+    node._publish_state = published.append
+    node._send(node.clock.now_ns() + S)
+    node.disconnect()
+    node.close_topics()
+    (state,) = published
+    state.header.stamp.sec = state.header.stamp.nanosec = state.monotonic_ns = 0
+    idle = TherapyState(state=TherapyState.IDLE)
+    idle.header.frame_id = "manus_base"
+    assert state == idle
+
+
+def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(make_node):
+    """After a kill of this node the recorder goes on, with the name of the patient before."""
+    node = make_node("therapy_session")
+    node.connect()
+    node.begin()
+    node._take_sample(EndpointState(sequence=5), node.clock.now_ns())
+    node._recording.of_another = lambda patient, now_ns: "P-33333"
+    request = StartTherapy.Request(protocol="evaluation", patient="P-22222")
+    answer = node._start(request)
+    node._recording.of_another = lambda patient, now_ns: ""
+    begun = node._start(request)
+    node.disconnect()
+    node.close_topics()
+    assert "still records a session of P-33333" in answer and "session_recorder/stop" in answer
+    assert begun == ""
+
+
+MESSAGES = 150  # three quarters of a second
+
+
+def test_samples_of_a_pause_are_all_taken(make_node, wait_until):
+    """The queue held ten, 50 ms: trials counted samples as missing that the bag had."""
+    node = make_node("therapy_session")
+    node.connect()
+    node.begin()
+    taken = []
+    node._take_sample = lambda message, now_ns: taken.append(message.sequence)
+    publisher = node.create_publisher(EndpointState, "endpoint_state", topics.EACH_STATE)
+    wait_until(lambda: publisher.get_subscription_count() == 1, what="discovery")
+    for number in range(MESSAGES):
+        publisher.publish(EndpointState(sequence=number))
+    node.step()
+    wait_until(lambda: node.step() or len(taken) >= MESSAGES, what="all samples")
+    assert taken == list(range(MESSAGES))
+    node.disconnect()
+    node.close_topics()
+
+
+def test_states_and_phases_are_those_of_the_message():
+    for constant in (*State, *Phase):
+        assert getattr(TherapyState, constant.name) == constant
+
+
+def test_the_safety_level_that_permits_is_that_of_the_message():
+    assert SafetyState.OK == SAFETY_OK

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated rig ends after those who need its devices, and not later than it must."""
+"""`sim_rig`: it ends after those who need its devices, and says when a machine is too slow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.nodes import sim_rig
-from screw_module_ros.nodes.sim_rig import Departure
+from screw_module_ros.nodes.sim_rig import Departure, Slowness
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.runner import GraphRun
 
@@ -84,3 +84,26 @@ def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, cloc
     complaints = [line for line in (told.out + told.err).splitlines()
                   if "[WARN]" in line or "[ERROR]" in line]  # fmt: skip
     assert complaints == [] or not in_time
+
+
+def sentences(factors, speed=1.0):
+    slowness = Slowness()
+    return [told.split(":")[0] for factor in factors if (told := slowness.told(factor, speed))]
+
+
+def test_each_change_is_told_once():
+    assert sentences([0.0, 0.9, 0.4, 0.3, 0.55, 0.3, 0.7, 0.9, 0.52, 0.45]) == [
+        "simulated time runs at 0.40 of real time",
+        "simulated time keeps up again",
+        "simulated time runs at 0.45 of real time",
+    ]
+
+
+def test_who_asked_for_slow_motion_is_not_told():
+    assert sentences([0.04, 0.05], speed=0.05) == []
+    assert len(sentences([0.02], speed=0.05)) == 1
+
+
+def test_as_fast_as_it_goes_is_compared_with_real_time():
+    assert len(sentences([0.4], speed=0.0)) == 1
+    assert sentences([3.0], speed=0.0) == []

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No class of a node takes a name that a class above it, or rclpy, uses for itself already.
+"""What the sources of the nodes must not do."""
 
-`therapy_session` once replaced an attribute of its base class, and ended at its first diagnostics.
-"""
+from __future__ import annotations
 
 import ast
 import inspect
 import textwrap
+from pathlib import Path
 
 import pytest
 import rclpy
 from node_classes import node_class
 from rclpy.lifecycle import LifecycleNode
 
+import screw_module_ros.nodes as nodes
 from screw_module_ros.graph import BESIDE, table
 
 NODES = sorted({node for composed in (False, True) for e in table(composed) for node in e.nodes})
@@ -50,3 +51,23 @@ def test_names_are_used_once(name, of_rclpy):
         twice = {each: known[each] for each in taken(kind) & known.keys() - MEANT}
         assert not twice, f"{kind.__name__} takes names of {twice}"
         known |= dict.fromkeys(taken(kind), kind.__name__)
+
+
+METER = {"tick", "rate", "latency", "missed_in_a_row"}
+FILES = [
+    file
+    for file in sorted(Path(nodes.__file__).parent.glob("*.py"))
+    if ".meter" in file.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
+def test_health_does_not_ask_the_meter(file):
+    for function in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(function, ast.FunctionDef) and function.name == "health":
+            called = {
+                node.func.attr
+                for node in ast.walk(function)
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+            }
+            assert not called & METER

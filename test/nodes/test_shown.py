@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plane in `endpoint_state`: without answers no position, else that of the instant of z."""
+"""What `endpoint_state` shows: samples as the control path judges them, the plane, the pin."""
 
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
-from screw_module_msgs.msg import EndpointState, PlanarState
+from screw_module_msgs.msg import EndpointState, PlanarState, SafetyState
 
 from screw_module_ros.control.planar_settings import least_damping
-from screw_module_ros.nodes.endpoint_state import _fill_plane, planar_joints
+from screw_module_ros.nodes.endpoint_state import (
+    _fill_force,
+    _fill_plane,
+    _fill_vertical,
+    planar_joints,
+)
 from screw_module_ros.nodes.support.states import fill_plane
 from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.safety.checks import VerticalChecks, WatchSettings
+from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.trials.one_thread import Bench
 
 
@@ -23,7 +31,7 @@ def bench():
     made.close()
 
 
-def shown(bench, plane: PlanarState) -> EndpointState:
+def shown_plane(bench, plane: PlanarState) -> EndpointState:
     """Return what `endpoint_state` makes of the plane's state now."""
     fill_plane(plane, bench.plane, bench.now_ns)
     message = EndpointState(monotonic_ns=plane.monotonic_ns)
@@ -33,31 +41,31 @@ def shown(bench, plane: PlanarState) -> EndpointState:
 
 def test_the_plane_is_invalid_while_a_drive_is_silent(bench):
     plane = PlanarState()
-    before = shown(bench, plane)
+    before = shown_plane(bench, plane)
     assert list(before.valid[:2]) == [True, True]
     assert planar_joints(plane).keys() == {"shoulder", "elbow"}
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(150)
     assert bench.plane.homed, "the count is not lost yet"
-    message = shown(bench, plane)
+    message = shown_plane(bench, plane)
     assert list(message.valid[:2]) == [False, False]
     assert math.isnan(message.position.x) and math.isnan(message.velocity.y)
     assert planar_joints(plane) == {}
     bench.rig.inject("elbow", "clear", 0.0, 0.0, bench.now_ns)
     assert bench._asking(bench.plane.clear_fault) == ""
     bench.ticks(20)
-    message = shown(bench, plane)
+    message = shown_plane(bench, plane)
     assert list(message.valid[:2]) == [True, True]
     assert message.position.x == pytest.approx(before.position.x, abs=1e-3)
 
 
 def test_a_lost_answer_does_not_make_it_invalid(bench):
     plane = PlanarState()
-    before = shown(bench, plane)
+    before = shown_plane(bench, plane)
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(3)
     assert bench.plane.output is None
-    assert shown(bench, plane).position.x == before.position.x
+    assert shown_plane(bench, plane).position.x == before.position.x
 
 
 def test_x_and_y_are_of_the_instant_of_z(bench):
@@ -104,3 +112,55 @@ def test_the_damping_shown_is_the_one_in_use(bench):
     settings = bench.plane.settings
     assert plane.damping == pytest.approx(least_damping(settings, settings.stiffness, 9.0))
     assert plane.damping > settings.damping
+
+
+PERIOD_NS = 1_000_000
+FORCE = ForceReading(1, PERIOD_NS, PERIOD_NS, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0)
+ENCODER = EncoderReading(1, PERIOD_NS, PERIOD_NS, 0, 0.1, 0.0, True)
+
+
+@pytest.mark.parametrize("change", [
+    *({"status": 1 << bit} for bit in range(16)), {"fx": math.nan}, {"tz": math.inf}, {},
+])  # fmt: skip
+def test_a_force_sample(change):
+    sample, message = FORCE._replace(**change), EndpointState()
+    checks = VerticalChecks(WatchSettings(), PERIOD_NS)
+    used = checks.force(sample, PERIOD_NS) and not checks.fault.reason
+    _fill_force(message, sample)
+    assert message.force_valid == used
+    assert math.isfinite(message.force.z) == used
+
+
+@pytest.mark.parametrize("change", [{"position": math.nan}, {"velocity": math.inf}, {}])
+def test_an_encoder_sample(change):
+    sample, message = ENCODER._replace(**change), EndpointState()
+    used = VerticalChecks(WatchSettings(), PERIOD_NS).encoder(sample, PERIOD_NS)
+    _fill_vertical(message, sample)
+    assert message.valid[2] == used
+    assert math.isfinite(message.position.z) == math.isfinite(message.velocity.z) == used
+
+
+@pytest.fixture
+def shown_pin(make_node):
+    """Return a function that returns safety and pin as shown at a time [ns]."""
+    node = make_node("endpoint_state")
+    node.trigger_configure()
+    node.trigger_activate()
+
+    def shown_at(now_ns: int) -> tuple[int, bool]:
+        node._ticker = SimpleNamespace(
+            sleep=lambda: SimpleNamespace(monotonic_ns=now_ns, sequence=1)
+        )
+        node.step()
+        return node._message.safety, node._message.vertical_locked
+
+    shown_at.safety = node._inputs["safety_state"]
+    return shown_at
+
+
+def test_a_pin_does_not_come_out_with_the_supervisor_s_end(shown_pin):
+    assert shown_pin(10**9) == (SafetyState.UNKNOWN, False)
+    shown_pin.safety.message = SafetyState(level=SafetyState.OK, vertical_locked=True)
+    shown_pin.safety.arrival_ns = 2 * 10**9
+    assert shown_pin(2 * 10**9) == (SafetyState.OK, True)
+    assert shown_pin(9 * 10**9) == (SafetyState.UNKNOWN, True)

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node and `bringup` take of command lines and parameter files."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+import rclpy
+from click.testing import CliRunner
+
+from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.bringup import plan
+from screw_module_ros.nodes.support.arguments import (
+    Arguments,
+    Rule,
+    arguments,
+    matches,
+    only_for_all,
+    overrides,
+    sections,
+    unread_sections,
+)
+from screw_module_ros.nodes.support.runtime import _begin
+from screw_module_ros.settings import SettingError
+from screw_module_ros.trials.runner import recordings_in
+
+LEFT = ("-r", "__ns:=/left")
+
+
+def values(name: str, *words: str) -> dict:
+    given = arguments(["--ros-args", *words])
+    return {parameter.name: parameter.value for parameter in overrides(name, given.rules)}
+
+
+def test_what_a_command_line_says():
+    words = ["one", "--ros-args", "--params-file", "a.yaml", "-p", "n:x:=1", "--param", "y:=a:=b",
+             "-r", "t:=u", "--log-level", "debug", "--", "two"]  # fmt: skip
+    assert arguments(words) == Arguments(
+        ["a.yaml"], [Rule("n", "x", "1"), Rule("", "y", "a:=b")], ["one", "two"]
+    )
+
+
+def test_a_rule_for_the_node_wins_over_one_for_all():
+    assert values("n", "-p", "n:x:=1", "-p", "x:=2", "-p", "m:x:=3") == {"x": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("5e2", 500.0), ("1e-3", 0.001), ("[1e-3, 2.0]", [0.001, 2.0]), ("true", True), ("", ""),
+     ("soft", "soft"), ("2001-05-11", "2001-05-11"), ('"7"', "7")],
+)  # fmt: skip
+def test_values_are_what_rcl_takes_them_for(text, value):
+    assert values("n", "-p", f"x:={text}") == {"x": value}
+
+
+@pytest.mark.parametrize(
+    "text", ["[", "{a: 1}", "[1, a]", "*x", "9" * 5000]
+)
+def test_a_value_that_cannot_be_is_named(text):
+    with pytest.raises(SettingError, match="parameter x = "):
+        values("n", "-p", f"x:={text}")
+
+
+def test_it_reaches_the_node_in_a_namespace(make_node):
+    node = make_node("encoder", *LEFT, "-p", "encoder:home_position:=0.2")
+    assert node.get_fully_qualified_name() == "/left/encoder"
+    assert node.get_parameter("home_position").value == 0.2
+
+
+@pytest.mark.parametrize("name", ["two words", "ä", "\N{GRINNING FACE}", "#1", "a:=b", "\n"])
+def test_a_run_can_record_into_any_folder(make_node, tmp_path, name):
+    node = make_node("session_recorder", *recordings_in(tmp_path / name))
+    assert node.get_parameter("folder").value == str(tmp_path / name)
+
+
+@pytest.mark.parametrize("key", ["/**/encoder", "encoder", "/**"])
+def test_it_wins_over_a_file(make_node, tmp_path, key):
+    file = tmp_path / "p.yaml"
+    file.write_text(f"/**:\n  ros__parameters: {{autostart: false}}\n"
+                    f"{key}:\n  ros__parameters: {{rate: 1000.0}}\n")
+    if key == "/**":
+        file.write_text("/**:\n  ros__parameters: {rate: 1000.0}\n")
+    node = make_node("encoder", "--params-file", str(file), "-p", "rate:=500.0")
+    assert node.get_parameter("rate").value == 500.0
+
+
+NODES = ("encoder", "amplifier")
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Return a maker of parameter files from text; it returns the path."""
+
+    def make(text: str) -> str:
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        return str(path)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("pattern", "node", "fits"),
+    [
+        ("/**", "/a/encoder", True),
+        ("/**/encoder", "/encoder", True),
+        ("/**/encoder", "/a/b/encoder", True),
+        ("/**/encoder", "/a/encoder2", False),
+        ("/encoder", "/left/encoder", False),
+        ("/*/encoder", "/left/encoder", True),
+        ("/*/encoder", "/encoder", False),
+        ("/left/*", "/left/encoder", True),
+    ],
+)
+def test_patterns(pattern, node, fits):
+    assert matches(pattern, node) is fits
+
+
+def test_nested_namespaces_are_followed(file):
+    path = file("left:\n  encoder:\n    ros__parameters:\n      can: {port: 5}\n")
+    assert sections(path) == {"/left/encoder": {"can.port"}}
+
+
+def test_what_only_a_section_for_all_gives(file):
+    path = file(
+        "/**:\n  ros__parameters:\n    lead: 0.02\n    can: {port: 5}\n    rate: 1.0\n"
+        "/**/encoder:\n  ros__parameters: {rate: 2.0}\n"
+    )
+    assert only_for_all([sections(path)], "/encoder") == {"lead", "can.port"}
+
+
+def test_a_misspelt_node_is_told_with_the_right_one(file):
+    path = file(
+        "/**/encodr:\n  ros__parameters: {rate: 1.0}\n"
+        "/**/amplifier:\n  ros__parameters: {rate: 1.0}\n"
+        "camera:\n  ros__parameters: {rate: 1.0}\n"
+    )
+    first, second = unread_sections(path, NODES)
+    assert "/**/encodr: is no node of this robot; /**/encoder: is" in first
+    assert "camera: is no node of this robot; there are encoder, amplifier" in second
+    more = (*NODES, "camera")
+    assert len(unread_sections(path, more)) == 1
+    assert len(unread_sections(path, more, "/left")) == 2  # camera: is for /camera alone
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a: [", "is no YAML"),
+        ("", "has no section with `ros__parameters:`"),
+        ("encoder: {rate: 1.0}", "has no section with `ros__parameters:`"),
+        ("ros__parameters: {rate: 1.0}", "no node names before ros__parameters"),
+        ("encoder: {ros__parameters: 5}", "Cannot have a value before ros__parameters"),
+        ("'': {ros__parameters: {rate: 1.0}}", "No key at line 1"),
+        ("/: {ros__parameters: {rate: 1.0}}", "node name must not be empty"),
+        ("left: {'': {ros__parameters: {rate: 1.0}}}", "No key at line 1"),
+        ("encoder: {ros__parameters: {'': 1.0}}", "No key at line 1"),
+        ("encoder: {ros__parameters: {can: {'': 1}}}", "No key at line 1"),
+    ],
+)
+def test_a_file_that_is_none_is_refused_by_name(file, monkeypatch, text, told):
+    """By us or by rcl, before a node is made."""
+    path = file(text)
+    monkeypatch.setattr("sys.argv", ["encoder", "--ros-args", "--params-file", path])
+    with pytest.raises(SettingError, match="mine.yaml") as caught:
+        _begin(Arguments([path], [], []))
+    assert told in str(caught.value)
+    assert not rclpy.ok()
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="nothing.yaml cannot be read: No such file"):
+        sections(str(tmp_path / "nothing.yaml"))
+
+
+def given(planned, node: str) -> dict:
+    """Return what the planned command line sets for a node."""
+    said = arguments(["--ros-args", *planned.common])
+    return {parameter.name: parameter.value for parameter in overrides(node, said.rules)}
+
+
+def test_a_file_that_is_not_there_starts_nothing():
+    with pytest.raises(SettingError, match="/nonexistent.yaml"):
+        plan(params="/nonexistent.yaml")
+
+
+def test_the_packaged_files_have_no_section_that_nobody_reads():
+    for simulation in (True, False):
+        for composed in (True, False):
+            assert plan(simulation, composed=composed, namespace="left").warnings == []
+
+
+@pytest.mark.parametrize("namespace", ["left", "/left", "/left/"])
+def test_one_way_to_write_a_namespace(namespace):
+    assert plan(namespace=namespace).namespace == "/left"
+    assert plan(namespace="/").namespace == ""
+
+
+@pytest.mark.parametrize("composed", [False, True])
+def test_the_rig_has_the_latency_of_the_processes(composed):
+    rig = given(plan(namespace="left", composed=composed), "sim_rig")
+    assert rig["devices.command_latency"] == (0.3e-3 if composed else 0.6e-3)
+
+
+def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
+    monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
+    entry = plan().entries[0]
+    assert "--enclave" not in plan().arguments(entry)
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    assert plan().arguments(entry)[-2:] == ["--enclave", "/therapy_robot/sim_rig"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--foo"], "No such option: --foo"),
+        (["foo"], "unexpected extra argument"),
+        (["-p", "encodr:rate:=1.0"], "no node 'encodr'; there are amplifier"),
+        (["-p", "rate"], "NODE:NAME:=VALUE is wanted"),
+        (["--first-port", "5000"], "No such option: --first-port"),
+        (["--params", "/nonexistent.yaml"], "/nonexistent.yaml"),
+        (["--without", "encodr"], "no node 'encodr'"),
+        (["--only", "encoder", "--without", "encoder"], "no node to start"),
+        (["--only", "sim_rig", "--bench"], "no node to start (hardware has no sim_rig)"),
+    ],
+)
+def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
+    """Nothing is started."""
+    monkeypatch.setattr(bringup, "Process", None)
+    done = CliRunner().invoke(bringup.command, words)
+    assert done.exit_code in (1, 2)
+    assert told in done.output
+
+
+@pytest.fixture
+def unprepared(monkeypatch):
+    """Return a process that has no handlers for signals, as a node that still imports."""
+    monkeypatch.setattr(bringup, "executable_path", lambda name: name)
+    process = bringup.Process("sleep", ["600"])
+    yield process
+    process.stop()
+
+
+def test_a_node_that_is_stopped_while_it_starts_has_not_failed(unprepared):
+    assert unprepared.stop() == 0
+
+
+def test_a_node_that_somebody_else_ended_has_failed(unprepared, wait_until):
+    os.kill(unprepared.pid, signal.SIGTERM)
+    wait_until(lambda: unprepared.exit_code() is not None)
+    assert unprepared.stop() == -signal.SIGTERM

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `amplifier` and `manus` refuse, hand on and report; no graph, no devices."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, SafetyState
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.control.torque_chain import TorqueChain
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.errors import NotAnswering
+from screw_module_ros.geometry import Screw
+from screw_module_ros.loop.requests import Requests
+from screw_module_ros.nodes.support import drives, topics
+from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
+from screw_module_ros.nodes.support.topics import too_many_senders
+from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
+
+LONGEST_S = 20.0
+MS = 1_000_000
+
+
+@pytest.fixture
+def amplifier(make_node):
+    """An amplifier that is not configured, and a client of its ~/enable in another node."""
+    node = make_node("amplifier")
+    asker = Node("asker")
+    client = asker.create_client(SetBool, "amplifier/enable")
+    assert client.wait_for_service(LONGEST_S)
+    yield node, asker, client
+    asker.destroy_node()
+
+
+def waits(node: Node, service) -> bool:
+    """Wait until a request waits at a service that nobody serves; return whether one does."""
+    wait_set = _rclpy.WaitSet(0, 0, 0, 0, 1, 0, node.context.handle)
+    wait_set.clear_entities()
+    with service.handle:
+        wait_set.add_service(service.handle)
+        wait_set.wait(int(LONGEST_S * 1e9))
+        return bool(wait_set.get_ready_entities("service"))
+
+
+def answer(asker: Node, future):
+    executor = SingleThreadedExecutor()
+    executor.add_node(asker)
+    executor.spin_until_future_complete(future, LONGEST_S)
+    executor.remove_node(asker)
+    return future.result()
+
+
+@pytest.mark.parametrize("busy", ["clear_fault", "activate"])
+def test_an_enabling_that_waited_is_refused(amplifier, busy):
+    node, asker, client = amplifier
+    future = client.call_async(SetBool.Request(data=True))
+    assert waits(node, node._enabling)
+    if busy == "activate":
+        node.connect = node.begin = lambda: None  # there are no devices here
+        node.trigger_configure()
+        node.trigger_activate()
+        assert node.active
+    else:
+        clear = next(each for each in node.services if each.srv_name.endswith("clear_fault"))
+        clear.callback(Trigger.Request(), Trigger.Response())
+    told = answer(asker, future)
+    assert (told.success, told.message) == (False, drives._ASKED_EARLY)
+
+
+def test_a_disabling_that_waited_is_carried_out(amplifier):
+    node, asker, client = amplifier
+    future = client.call_async(SetBool.Request(data=False))
+    assert waits(node, node._enabling)
+    node._refuse_waiting()
+    assert "not active" in answer(asker, future).message  # what ~/disable says before configuring
+
+
+def publish(node, kind, topic, count):
+    return [node.create_publisher(kind, topic, topics.SAMPLE) for _ in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic"), [(EncoderSample, "screw/encoder"), (ForceSample, "handle/force")]
+)
+def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, kind, topic):
+    node = make_node("impedance_controller")
+    node.connect()
+    node.begin()
+    voices = publish(node, kind, topic, 1)
+    node._senders.count()
+    node.read_inputs(MS)
+    assert "publish" not in node.part.reason
+    voices += publish(node, kind, topic, 1)
+    node._senders.count()
+    node.read_inputs(2 * MS)
+    assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.part.reason
+    assert node.part.faulted
+    node.destroy_publisher(voices.pop())
+    node._senders.count()
+    node.part.reset(3 * MS)
+    node.read_inputs(3 * MS)
+    assert not node.part.faulted
+    node.close()
+
+
+def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
+    node = make_node("impedance_controller")
+    node.direct = ("screw/encoder", "handle/force", "screw/amplifier_state")
+    node.connect()
+    voices = publish(node, ForceSample, "handle/force", 2)
+    node._senders.count()
+    assert node._senders.warning == "" and len(voices) == 2
+    node.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "topic"),
+    [("amplifier", ForceCommand, "screw/force_command"),
+     ("manus", ForceSample, "handle/force")],
+)  # fmt: skip
+def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind, topic):
+    node = make_node(name)
+    node.follow(node.new_inbox(), VERTICAL, alone=topic)
+    node._permission = SimpleNamespace(pass_on=lambda permit, now_ns: None)
+    permit = Permit([], Requests(), PermitSettings(), MS)
+    publish(node, kind, topic, 2)
+    node._senders.count()
+    node.permission(permit, MS)
+    assert permit.fault.reason == "", "nothing passes: the next enable is refused"
+    assert node.enable() == too_many_senders(node, topic) != ""
+    permit.phase = OPEN
+    node.permission(permit, 2 * MS)
+    assert permit.fault.reason.startswith(f"2 nodes publish {topic}")
+    node.close_topics()
+
+
+def refused(field: str, safety: SafetyState) -> str:
+    """Return what `~/enable` says after this safety_state."""
+    waiting = [safety]
+    inbox = SimpleNamespace(subscribe=lambda *_: lambda: waiting.pop() if waiting else None)
+    node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
+    permit = Permit([], Requests(), PermitSettings(), MS)
+    Permission(node, inbox, field).pass_on(permit, MS)
+    answer = permit.requests.put(permit.apply_enable)
+    permit.step(MS, MS)
+    return answer.result(timeout=0.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "safety", "told"),
+    [
+        (VERTICAL, SafetyState(reasons=["emergency stop"], vertical_locked=True),
+         "not permitted: emergency stop"),
+        (VERTICAL, SafetyState(motion_permitted=True, planar_permitted=True, vertical_locked=True),
+         "not permitted: the vertical axis is locked"),
+        (PLANAR, SafetyState(motion_permitted=True, vertical_locked=True),
+         "not permitted: the supervisor's parameter `required` does not name"),
+        (PLANAR, SafetyState(motion_permitted=True, planar_permitted=True, vertical_locked=True),
+         ""),
+    ],
+)  # fmt: skip
+def test_a_refused_permission_has_its_reason(field, safety, told):
+    said = refused(field, safety)
+    assert said.startswith(told) and bool(said) == bool(told)
+
+
+class Command(NamedTuple):
+    sequence: int
+    monotonic_ns: int
+    force: float
+
+
+class Inbox:
+    """A command that is there when the wait ends."""
+
+    def __init__(self, clock: ManualClock, comes_ns: int):
+        self._clock, self._comes_ns = clock, comes_ns
+
+    def wait(self, until_ns: int) -> None:
+        self._clock.sleep_until(min(until_ns, self._comes_ns))
+
+
+@pytest.mark.parametrize(("comes_ns", "taken"), [(9_300_000, True), (10 * MS, False)])
+def test_a_command_of_the_next_tick_waits_for_its_sync(make_node, comes_ns, taken):
+    node = make_node("amplifier")
+    node.clock = ManualClock(9 * MS)
+    node._commands = Inbox(node.clock, comes_ns)
+    node._take_command = lambda early: Command(9, 9 * MS, 1.0) if early else None
+    found = node.take_command(10 * MS)
+    assert (found is not None) == taken
+
+
+def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
+    node = make_node("amplifier")
+    drive = SimpleNamespace(
+        settings=DriveSettings(), state=lambda now_ns: SimpleNamespace(text="on"), counters={}
+    )
+    node._chain, node.drives, node.period_ns = TorqueChain(), (drive,), MS
+    node.port = SimpleNamespace(clock=node.clock, close=lambda: None)
+    node._screw = Screw()
+    node.part = SimpleNamespace(heat=lambda now_ns: 0.1)
+
+    def silent():
+        raise NotAnswering("the drive has no supply")
+
+    monkeypatch.setattr(node, "start_drives", silent)
+    for _ in range(2):
+        with pytest.raises(NotAnswering):
+            node.begin()
+    assert node.part.heat(node.clock.now_ns()) == 0.1
+    monkeypatch.setattr(node, "port_values", lambda skipped: {})
+    monkeypatch.setattr(node, "drive_health", lambda values, state: values)
+    share = 0.1 / node._chain.limits.continuous**2
+    assert node.health()["motor heat [%]"] == f"{100.0 * share:.0f}"

@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controller and amplifier with a module's calibration and certificate: kept to, or refused."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from screw_module_msgs.msg import AmplifierState
+from screw_module_msgs.srv import SetControlMode
+
+from screw_module_ros.calibration.certificate import conditions_of, law_version, text_checksum
+from screw_module_ros.calibration.module import (
+    ModuleCalibration,
+    SensorBias,
+    thesis_friction,
+    write_calibration,
+)
+from screw_module_ros.control import modes
+from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
+from screw_module_ros.nodes.support.answering import Done
+from screw_module_ros.recording.decoded import calibrations
+
+OWN_FILE = {"impedance_controller": "friction_file", "amplifier": "linearization_file"}
+SERIAL = "SIM-0001"  # that of params/sim.yaml
+GRAVITY = 9.25
+
+
+def words(**named) -> list[str]:
+    """Return --ros-args that give these parameters."""
+    return [word for key, value in named.items() for word in ("-p", f"{key}:={value}")]
+
+
+def given(path, serial=SERIAL, **others) -> list[str]:
+    """Return --ros-args that name a calibration."""
+    return words(calibration_file=path, module_serial=serial, **others)
+
+
+def refusal(node) -> str:
+    """Configure a node that must refuse; return the sentence in its diagnostics."""
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    heard = []
+    node._diagnostics = SimpleNamespace(publish=heard.append)
+    node.publish_health()
+    (status,) = heard[0].status
+    assert status.level == DiagnosticStatus.ERROR
+    return status.message
+
+
+REFUSED = [
+    (name, *row) for name in OWN_FILE for row in (
+        ({"serial": "SIM-0002"}, "'SIM-0001'.*'SIM-0002'"),
+        ({"serial": '""'}, "set module_serial"),
+        ({"path": "changed.yaml"}, "was changed after it was written.*identify the module anew"),
+        ({OWN_FILE[name]: "own.yaml"}, f"{OWN_FILE[name]}.*own.yaml"),
+    )
+] + [("amplifier", {"linearize": False, "serial": "other"}, "this is module 'other'")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "others", "told"), REFUSED)
+def test_a_calibration_that_does_not_fit_is_refused(
+    make_node, calibration, tmp_path, monkeypatch, name, others, told
+):
+    monkeypatch.chdir(tmp_path)
+    changed = calibration.path.read_text().replace("phase_rad: 0.4", "phase_rad: 0.5")
+    (tmp_path / "changed.yaml").write_text(changed)
+    said = refusal(make_node(name, *given(**{"path": calibration.path, **others})))
+    assert re.search(told, said), said
+    assert str(others.get("path", calibration.path)) in said or "calibration_file" in said
+
+
+def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
+    node = make_node("impedance_controller", *given(calibration.path, "SIM-0002", gravity=12.5))
+    refusal(node)
+    assert node.get_parameter("gravity").value == 12.5
+    node.set_parameters([Parameter("module_serial", value=SERIAL)])
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node._friction.model == calibration.written.friction
+    assert node._state_message.calibration == calibration.identity
+    assert node.get_parameter("gravity").value == GRAVITY
+    node.trigger_activate()
+    assert node.part.settings.gravity == GRAVITY
+    assert node.part.settings.observer_inertia == KNOWN_SHARE
+    node.close()
+
+
+def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
+    """What a bag says of the calibration must be what was in force."""
+    node = make_node("impedance_controller", *given(calibration.path))
+    node.trigger_configure()
+    assert not node.parameters.write(gravity=8.0)
+    assert node._state_message.calibration == f"{calibration.identity}, gravity 8 N by hand"
+    node.trigger_activate()
+    assert node.part.settings.gravity == 8.0
+    assert not node.parameters.write(gravity=GRAVITY)
+    assert node._state_message.calibration == calibration.identity
+    node.close()
+
+
+def test_a_mass_set_by_hand_is_told_and_not_carried(make_node, calibration):
+    """OBSERVER carried 0.7 of any mass that somebody set, and with 9 kg left less than none."""
+    node = make_node("impedance_controller", *given(calibration.path))
+    node.trigger_configure()
+    node.trigger_activate()
+    assert not node.parameters.write(mass=9.0)
+    law = node.part.settings
+    assert law.mass == 9.0
+    assert law.observer_inertia * law.mass == pytest.approx(KNOWN_SHARE * 5.5)
+    assert node._state_message.calibration == f"{calibration.identity}, mass 9 kg by hand"
+    node.trigger_deactivate()
+    node.trigger_activate()
+    assert node.part.settings == law
+    assert not node.parameters.write(mass=5.5)
+    assert node.part.settings.observer_inertia == KNOWN_SHARE
+    assert node._state_message.calibration == calibration.identity
+    node.close()
+
+
+@pytest.mark.parametrize("by_hand", [False, True])
+def test_the_next_module_does_not_inherit_it(make_node, calibration, by_hand):
+    """Cleaned up and configured without a file: weight, mass and carried share are the old ones.
+
+    A mass is carried only where it was measured. What the operator set since then stays.
+    """
+    names = ("gravity", "mass", "observer_inertia")
+    node = make_node("impedance_controller", *given(calibration.path, gravity=12.5, mass=4.0))
+    node.trigger_configure()
+    assert [node.get_parameter(name).value for name in names] == [GRAVITY, 5.5, KNOWN_SHARE]
+    if by_hand:
+        assert not node.parameters.write(gravity=8.0)
+    node.trigger_cleanup()
+    node.set_parameters([Parameter("calibration_file", value="")])
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    wanted = [8.0 if by_hand else 12.5, 4.0, 0.0]
+    assert [node.get_parameter(name).value for name in names] == wanted
+    node.close()
+
+
+# The graph -----------------------------------------------------------------------------------
+
+
+def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_until, calibration):
+    """No timer runs here: the topic is found when it is heard."""
+    node = make_node("session_recorder", *words(folder=tmp_path, topics="[/told_once/state]"))
+    publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
+    node.trigger_configure()
+    node.trigger_activate()
+    assert isinstance(node._on_start("bag"), Done)
+
+    def recorded() -> int:
+        publisher.publish(AmplifierState(calibration=calibration.identity))
+        node._taps.look()
+        node.step()
+        status = node._taps.recording.status()
+        return status.messages + status.waiting
+
+    wait_until(recorded, what="a message in the recorder")
+    node.close()
+    assert calibrations(tmp_path / "bag") == {"/told_once/state": calibration.identity}
+
+
+CERTIFIED = "ARM-0007"
+CONDITIONS = conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
+
+
+@pytest.fixture
+def controller(make_node, tmp_path):
+    """Return a function that makes a controller with a certificate of 6.28 and 12.6."""
+    file = tmp_path / "module_certificate.yaml"
+
+    def made(conditions=CONDITIONS, **others):
+        text = (
+            f"format: screw_module_ros/certificate\nversion: 1\nserial: {CERTIFIED}\n"
+            f"date: '2026-11-22T09:30:00Z'\nlaw: '{law_version()}'\n"
+            "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
+        )
+        text += yaml.safe_dump({"conditions": conditions._asdict()})
+        file.write_text(f"{text}sha256: {text_checksum(text)}\n")
+        named = {"certificate_file": file, "module_serial": CERTIFIED, **others}
+        return make_node("impedance_controller", *words(**named))
+
+    return made
+
+
+def changed(node, **values):
+    """Set parameters as `ros2 param set` does; return the reason of a refusal."""
+    (*results,) = node.set_parameters([Parameter(k, value=v) for k, v in values.items()])
+    return "; ".join(result.reason for result in results if not result.successful)
+
+
+@pytest.mark.parametrize("required", [False, True])
+def test_it_starts_with_the_gains_that_its_module_permits(controller, required):
+    """Smaller ones stay; after the module is gone, those of the parameters are back."""
+    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, certificate_required=required)
+    for _ in range(2):
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        assert node.get_parameter("force_gain").value == 6.28
+        assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    node.trigger_configure()
+    assert node.get_parameter("observer_gain").value == VerticalSettings().observer_gain
+    node.trigger_activate()
+    assert node.part.settings.force_gain == 6.28
+    assert "6.28 at most" in changed(node, force_gain=8.0)
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert not changed(node, certificate_file="", certificate_required=False)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.get_parameter("force_gain").value == 8.0
+    node.close()
+
+
+def test_it_chooses_the_observer_s_gain_too(controller):
+    node = controller(mode=modes.OBSERVER, damping=20.0, observer_gain=20.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.get_parameter("observer_gain").value == 12.6
+    node.close()
+
+
+def test_it_does_not_start_in_a_loop_slower_than_the_certificate_s(controller):
+    node = controller(mode=modes.FORCE_FEEDBACK, rate=500.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    assert not changed(node, rate=1000.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    node.close()
+
+
+def test_no_gain_and_no_mode_goes_beyond_it(controller):
+    node = controller(mode=modes.FORCE_FEEDBACK)
+    node.trigger_configure()
+    told = changed(node, force_gain=8.0)
+    assert "force_gain is 8" in told and CERTIFIED in told and "6.28 at most" in told
+    assert node.get_parameter("force_gain").value == 5.0
+    assert not changed(node, mode=modes.IMPEDANCE)
+    assert not changed(node, force_gain=8.0), "this mode does not use it"
+    refused = node._set_mode(SetControlMode.Request(mode=modes.COMBINED))
+    assert "6.28 at most" in refused
+    assert "6.28 at most" in changed(node, mode=modes.FORCE_FEEDBACK)
+    assert node.get_parameter("mode").value == modes.IMPEDANCE
+    node.close()
+
+
+def test_a_live_parameter_does_not_leave_the_certificate_s_conditions(controller):
+    node = controller(mode=modes.OBSERVER, damping=20.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "observer_inertia is 0.3, and the module's certificate" in changed(
+        node, observer_inertia=0.3
+    )
+    assert not changed(node, mass=6.0), "more than in the certificate costs no margin"
+    assert "mass is 5 kg" in changed(node, mass=5.0)
+    node.close()
+
+
+def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
+    """A certificate of a module heavier than the default was refused with its own calibration."""
+    heavy = ModuleCalibration(
+        CERTIFIED, "2026-11-22T09:00:00Z", "0.1.0", gravity_N=10.0, mass_kg=6.0,
+        sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3), residuals={}, friction=thesis_friction(),
+        linearization=default_linearization(),
+    )  # fmt: skip
+    write_calibration(tmp_path / "calibration.yaml", heavy)
+    known = VerticalSettings().calibrated(heavy.gravity_N, heavy.mass_kg)
+    node = controller(
+        conditions_of(known, 1000.0, 1.26e-3, 30.0), mode=modes.OBSERVER, damping=20.0,
+        calibration_file=tmp_path / "calibration.yaml",
+    )  # fmt: skip
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "mass is 5.9 kg" in changed(node, mass=5.9)
+    node.close()
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+def test_where_a_certificate_is_required_feedback_needs_one_or_the_operators_word(controller, mode):
+    node = controller(certificate_file='""')
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "has no certificate" in changed(node, mode=mode)
+    assert not changed(node, mode=modes.FRICTION_COMPENSATION)
+    node.close()
+
+
+@pytest.mark.parametrize("certificate", [{}, {"certificate_file": '""'}])
+def test_the_operators_word_in_place_of_a_certificate(controller, certificate):
+    node = controller(uncertified_gains=True, damping=20.0, force_gain=8.0, **certificate)
+    node.trigger_configure()
+    assert not changed(node, mode=modes.OBSERVER)
+    assert not changed(node, mode=modes.FORCE_FEEDBACK) and not changed(node, force_gain=9.0)
+    node.close()
+
+
+def test_the_damping_that_the_observer_needs_is_kept_as_a_parameter_too(make_node):
+    node = make_node("impedance_controller", "-p", "damping:=20.0", "-p", "mode:=5",
+                     "-p", "certificate_required:=false")  # fmt: skip
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "raise the damping first" in changed(node, damping=0.0)
+    assert node.get_parameter("damping").value == 20.0
+    node.close()
