@@ -245,21 +245,6 @@ def test_what_may_not_be_published_may_not_be_advertised(gateway):
     assert sent(page, 0) == []
 
 
-def test_the_patients_token_reads_what_the_patients_page_shows(gateway):
-    page = client(gateway, PATIENT)
-    page.take(text("publish", topic="/therapy/wish", msg={}), 0)
-    page.take(text("publish", topic="/therapy/attendance", msg={}), 0)
-    page.take(text("call_service", service="/supervisor/estop", id="c"), 0)
-    page.take(text("subscribe", topic="/safety_state"), 0)
-    page.take(text("subscribe", topic="/therapy/trial"), 0)
-    answers = sent(page, 0)
-    ops = [answer["op"] for answer in answers]
-    assert ops == ["status"] * 2 + ["service_response"] + ["status"] * 2
-    assert answers[2]["result"] is False and answers[2]["id"] == "c"
-    assert gateway.published == [] and gateway.calls == []
-    assert page.subscribed == frozenset()
-
-
 # Calls -------------------------------------------------------------------------------------
 
 

@@ -75,8 +75,3 @@ def test_the_browser_game_asks_only_for_what_a_patient_may_have():
     rights = Rights(["/"], wishes=True)
     assert rights.may(PATIENT, SUBSCRIBE, *found[0])
     assert rights.may(PATIENT, PUBLISH, *found[1])
-
-
-@pytest.mark.parametrize("name", ["browser_game.html", "web_game.py"])
-def test_an_example_is_short(name):
-    assert len((EXAMPLES / name).read_text("utf-8").splitlines()) < 60

@@ -162,13 +162,6 @@ def test_the_address_of_the_pages_is_one_that_a_browser_can_open(gateway, listen
         assert server.address.startswith(f"http://{shown}:")
 
 
-def test_a_port_that_is_taken_is_told(server, gateway):
-    other = make_server(gateway)
-    other._listening = other._listening._replace(port=int(server.address.rpartition(":")[2]))
-    with pytest.raises(OSError, match="Address already in use"), Served(other):
-        pass
-
-
 # What clients cost -------------------------------------------------------------------------
 
 

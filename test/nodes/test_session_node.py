@@ -13,28 +13,23 @@ from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.task import Future
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState, SafetyState, TherapyState
 from screw_module_msgs.srv import StartRecording, StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes.session_recorder import SessionRecorder
+from screw_module_ros.nodes import therapy_recording
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.therapy_recording import (
     BEGUN,
     LOST,
-    RECORDER,
     REFUSED,
     RecorderSettings,
     SessionRecording,
 )
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.nodes.wish_relay import WishRelay
-from screw_module_ros.recording.recorder import Status
 from screw_module_ros.therapy.hand import SAFETY_OK
 from screw_module_ros.therapy.session import State
 from screw_module_ros.therapy.trial import Phase
@@ -55,6 +50,7 @@ class PlayedRecorder:
         self.get_logger = lambda: log
         self.get_namespace = lambda: "/"
         self.left_out: set[str] = set()
+        self.is_there = True
 
     def create_client(self, kind, name):
         calls = self.asked[name.rpartition("/")[2]] = []
@@ -64,7 +60,7 @@ class PlayedRecorder:
             calls.append(Future())
             return calls[-1]
 
-        return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+        return SimpleNamespace(call_async=call_async)
 
     def get_subscriptions_info_by_topic(self, name):
         other = SimpleNamespace(node_name="web_bridge", node_namespace="/")
@@ -89,7 +85,8 @@ def recorder():
 
 
 @pytest.fixture
-def recording(recorder):
+def recording(recorder, monkeypatch):
+    monkeypatch.setattr(therapy_recording, "is_served", lambda node, client: recorder.is_there)
     clock = ManualClock(S)
     made = SessionRecording(recorder, clock)
     made.connect(recorder)
@@ -104,10 +101,12 @@ def follow(recording, second, in_session=True):
 
 
 def begun(recording, recorder, at=1):
-    recording.ask("P-22222_clock")
+    if not recording.waits:
+        recording.ask("P-22222_clock")
     assert follow(recording, at) == ""
     recorder.answer("record", DONE)
     assert follow(recording, at + 1) == BEGUN and recording.runs
+    assert recorder.names[-1] == "P-22222_clock"
 
 
 def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
@@ -116,6 +115,22 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     assert follow(recording, 12) == REFUSED
     assert "does not answer" in recording.message
     assert not recording.waits and recording.hindrance("P-22222", True, 12 * S) == ""
+
+
+def test_a_recorder_that_appears_in_time_records(recording, recorder):
+    recorder.is_there = False
+    recording.ask("P-22222_clock")
+    assert follow(recording, 5.9) == "" and not recorder.names
+    recorder.is_there = True
+    begun(recording, recorder, 5.9)
+
+
+def test_without_a_recorder_it_is_refused_after_a_while(recording, recorder):
+    recorder.is_there = False
+    recording.ask("P-22222_clock")
+    assert follow(recording, 5.999) == ""
+    assert follow(recording, 6) == REFUSED
+    assert "no session_recorder answers" in recording.message
 
 
 def test_a_recorder_that_leaves_a_sessions_topics_out_records_none(recording, recorder):
@@ -142,20 +157,6 @@ def test_a_session_begins_only_once_the_recorder_hears_it(recording, recorder):
     assert follow(recording, 3) == ""
     recorder.left_out = set()
     assert follow(recording, 4) == BEGUN
-
-
-def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recorder):
-    recording.ask("P-22222_clock")
-    follow(recording, 1)
-    assert follow(recording, 12) == REFUSED
-    recorder.answer("record", DONE)
-    assert len(recorder.asked["stop"]) == 1
-    assert follow(recording, 30) == "" and not recording.runs
-
-
-def test_its_name_comes_with_the_request(recording, recorder):
-    begun(recording, recorder)
-    assert recorder.names == ["P-22222_clock"]
 
 
 def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
@@ -250,71 +251,6 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
     assert len(recorder.asked["stop"]) == 1 and not recording.runs
     TherapySessionNode.end(node)
     assert len(recorder.asked["stop"]) == 1
-
-
-def test_a_recording_that_failed_is_reported_as_none():
-    """A full disk closes the bag, but the recorder's session lasts until it is stopped."""
-    status = Status("only 3 MiB left on the disk", 7, 0, 5, 100, {})
-    recording = SimpleNamespace(status=lambda: status)
-    taps = SimpleNamespace(refused={}, recording=recording)
-    node = SimpleNamespace(_taps=taps, _last=None, _folder="bag", _refusal="")
-    assert SessionRecorder.health(node).values["recording"] is False
-    recording.status = lambda: status._replace(error="")
-    assert SessionRecorder.health(node).values["recording"] is True
-
-
-@pytest.fixture
-def served(ros_domain_id):
-    """Return a maker of nodes that are served until the end of the test."""
-    context = Context()
-    context.init()
-    executor, ending, nodes = SingleThreadedExecutor(context=context), threading.Event(), []
-
-    def serve() -> None:
-        while not ending.is_set():
-            executor.spin_once(timeout_sec=0.05)
-
-    def make(name: str) -> Node:
-        nodes.append(Node(name, context=context))
-        executor.add_node(nodes[-1])
-        return nodes[-1]
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield make
-    ending.set()
-    thread.join()
-    executor.shutdown(timeout_sec=1.0)
-    for node in nodes:
-        node.destroy_node()
-    context.try_shutdown()
-
-
-def asked(node):
-    """Return a recording that a node has asked for."""
-    made = SessionRecording(node, ManualClock(S))
-    made.connect(SimpleNamespace(subscribe=lambda *request: lambda: None))
-    made.ask("P-22222")
-    return made
-
-
-def test_a_recorder_that_appears_records(served, wait_until):
-    made = asked(served("session"))
-    assert made.follow(True, 2 * S) == ""
-
-    def record(request, response):
-        response.success, response.message = True, request.name
-        return response
-
-    served(RECORDER).create_service(StartRecording, "~/record", record)
-    wait_until(lambda: made.follow(True, 2 * S) or made.message == "recording to P-22222")
-
-
-def test_without_a_recorder_it_is_refused_after_a_while(served):
-    made = asked(served("session"))
-    assert made.follow(True, 6 * S - 1) == ""
-    assert made.follow(True, 6 * S) == REFUSED
-    assert "no session_recorder answers" in made.message
 
 
 S = 1_000_000_000

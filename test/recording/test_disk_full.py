@@ -4,13 +4,9 @@
 import errno
 import io
 import os
-import resource
 import shutil
-import subprocess
-import sys
 
 import pytest
-from bag_counts import by_library
 
 from screw_module_ros.recording import mcap_file
 from screw_module_ros.recording.bag import Bag, BagError
@@ -130,39 +126,3 @@ def test_disk_already_full_at_the_start(tmp_path, fill):
     with pytest.raises(BagError, match="No space left"):
         Bag(tmp_path / "bag")
     assert list(tmp_path.iterdir()) == []
-
-
-LIMITED = """
-import signal, sys
-from screw_module_ros.recording.bag import Bag, BagError, Topic
-from screw_module_ros.recording.definitions import Definition
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-writer = Bag(sys.argv[1])
-channel = writer.add_topic(Topic("/x", "own_msgs/msg/X", Definition("ros2msg", "uint8[64] x", "")))
-noise = open("/dev/urandom", "rb")
-try:
-    for number in range(10_000):
-        data = b"\\0\\1\\0\\0" + noise.read(64)
-        writer.write([(channel, 10**18 + number, 10**18, number + 1, data)])
-        if number % 50 == 49:
-            writer.flush()
-            print(number + 1, flush=True)
-except BagError as error:
-    print(error)
-"""
-
-
-def test_limit_of_the_operating_system(tmp_path):
-    """The kernel itself refuses in the middle of a write (here by RLIMIT_FSIZE)."""
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, str(tmp_path / "bag")],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
-    )
-    *flushed, sentence = done.stdout.splitlines()
-    assert "File too large" in sentence
-    content = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
-    assert by_library(content) == int(flushed[-1]) > 100

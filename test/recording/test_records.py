@@ -49,26 +49,16 @@ def test_columns_of_nested_fields_arrays_and_texts(tmp_path, definitions, codec)
     assert not any(name.isupper() for name in plane)
 
 
-def test_messages_one_by_one(bag):
+def test_messages_one_by_one_raw_types_and_notes(bag):
     first = next(read_bag(bag, ["/screw/encoder"]))
     assert (first.topic, first.log_time) == ("/screw/encoder", START)
     assert first.type == "screw_module_msgs/msg/EncoderSample"
     assert first.message.stamp.sec == 0
     assert sum(1 for _ in read_bag(bag)) == 5000
-
-
-def test_raw_messages(bag):
     found = [(topic.name, m) for topic, m in File(bag / "bag_0.mcap").messages()]
     assert {name for name, _ in found} == {"/screw/encoder"}
-    sequences = [int.from_bytes(m.data[12:16], "little") for _, m in found]
-    assert sequences == list(range(5000))
-
-
-def test_types_of_topics(bag):
+    assert [int.from_bytes(m.data[12:16], "little") for _, m in found] == list(range(5000))
     assert topics(bag) == {"/screw/encoder": "screw_module_msgs/msg/EncoderSample"}
-
-
-def test_notes(bag):
     assert notes(bag)["configuration"] == {"sim.yaml": "sha256:0"}
 
 

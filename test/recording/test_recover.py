@@ -4,8 +4,6 @@
 import os
 import shutil
 import struct
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,8 +11,9 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 
+from screw_module_ros.recording import records
 from screw_module_ros.recording.bag import Bag, BagError, StorageSettings
 from screw_module_ros.recording.records import File
 from screw_module_ros.recording.recover import recover
@@ -23,6 +22,7 @@ from screw_module_ros.session_command import main
 
 BAGS = Path(__file__).parents[1] / "data" / "bags"
 FILE = "bag_0.mcap"
+TICKS = 800  # of the bags that are damaged anywhere
 
 
 class Part(NamedTuple):
@@ -59,19 +59,18 @@ def parts_of(content):
     return found
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Content of a bag's file, its parts, and a folder to play in; filled by the first test."""
-    return {"folder": tmp_path_factory.mktemp("damaged")}
-
-
 @pytest.fixture
-def damaged(bag, whole):
+def damaged(tmp_path, encoder_topic, samples):
     """Return what recovers a file with this content: the ticks found, checked by other readers."""
+    bag = tmp_path / "bag"
+    writer = Bag(bag, StorageSettings(chunk_size=3000))
+    writer.write(samples(writer.add_topic(encoder_topic), range(TICKS)))
+    writer.note("configuration", {"sim.yaml": "sha256:0"})
+    writer.close()
     content = (bag / FILE).read_bytes()
 
     def recovered(changed):
-        folder = whole["folder"] / "bag"
+        folder = tmp_path / "changed" / "bag"
         shutil.rmtree(folder, ignore_errors=True)
         shutil.rmtree(f"{folder}_recovered", ignore_errors=True)
         shutil.copytree(bag, folder)
@@ -90,7 +89,7 @@ def damaged(bag, whole):
         return numbers
 
     recovered.content, recovered.parts = content, parts_of(content)
-    assert sum(len(part.ticks) for part in recovered.parts) == 5000
+    assert sum(len(part.ticks) for part in recovered.parts) == TICKS
     return recovered
 
 
@@ -120,15 +119,15 @@ def test_flip_anywhere_every_whole_chunk_before_a_broken_length_is_kept(damaged,
     if hit.begin < place < hit.begin + 9:  # its length
         wanted = {n for part in damaged.parts if part.end <= hit.begin for n in part.ticks}
     else:
-        wanted = set(range(5000)) - set(hit.ticks)
+        wanted = set(range(TICKS)) - set(hit.ticks)
     found = damaged(bytes(changed))
-    assert wanted <= set(found) <= set(range(5000))
+    assert wanted <= set(found) <= set(range(TICKS))
     assert len(found) == len(set(found))
 
 
 def test_five_damaged_bytes_in_the_name_of_the_recorder_lose_nothing(damaged):
     changed = damaged.content.replace(b"screw_module_ros", b"\xff\xfe\xfd\xfc\xfb_module_ros", 1)
-    assert damaged(changed) == list(range(5000))
+    assert damaged(changed) == list(range(TICKS))
 
 
 def test_blocks_of_zeros_where_the_last_write_should_be(damaged):
@@ -154,16 +153,6 @@ def test_the_metadata_file_is_not_needed(bag, content):
     assert ticks(recover(bag).folder) == list(range(5000))
 
 
-def test_what_recovery_writes_is_the_owners_alone(bag):
-    umask = os.umask(0o022)
-    try:
-        copy = recover(bag).folder
-    finally:
-        os.umask(umask)
-    assert copy.stat().st_mode & 0o777 == 0o700
-    assert {path.stat().st_mode & 0o777 for path in copy.iterdir()} == {0o600}
-
-
 def test_an_earlier_copy_is_kept(bag):
     copy = recover(bag).folder
     before = {path: path.read_bytes() for path in copy.iterdir()}
@@ -181,11 +170,6 @@ def test_a_file_without_anything_is_told_and_leaves_no_copy(tmp_path, content):
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
 
 
-def test_folder_without_bag(tmp_path):
-    with pytest.raises(BagError, match="no bag folder"):
-        recover(tmp_path)
-
-
 def test_several_files_become_one_bag(tmp_path, encoder_topic, samples):
     writer = Bag(tmp_path / "b", StorageSettings(max_file_duration=1.0))
     channel = writer.add_topic(encoder_topic)
@@ -197,7 +181,10 @@ def test_several_files_become_one_bag(tmp_path, encoder_topic, samples):
     assert ticks(recover(tmp_path / "b").folder) == list(range(2500))
 
 
-def test_a_checksum_of_zero_means_none_was_given(tmp_path):
+@pytest.mark.parametrize(("largest", "kept"), [(2**20, 10), (100, 0)])
+def test_without_checksums_and_with_chunks_that_are_too_large(tmp_path, monkeypatch, largest, kept):
+    """A checksum of zero means that none was given."""
+    monkeypatch.setattr(records, "LARGEST", largest)
     (tmp_path / "b").mkdir()
     with (tmp_path / "b" / "b_0.mcap").open("wb") as file:
         writer = Writer(file, enable_crcs=False)
@@ -207,40 +194,12 @@ def test_a_checksum_of_zero_means_none_was_given(tmp_path):
         for number in range(10):
             writer.add_message(channel, number, bytes(12) + number.to_bytes(4, "little"), number)
         writer.finish()
-    found = recover(tmp_path / "b")
-    assert (ticks(found.folder), found.problems) == (list(range(10)), [])
-
-
-RECOVER = """
-import sys
-from screw_module_ros.recording.bag import BagError
-from screw_module_ros.recording.recover import recover
-try:
-    print(recover(sys.argv[1]).messages)
-except BagError as error:
-    print(error)
-print(*[line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")])
-"""
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("size", "kept"), [(95 * 2**20, True), (300 * 2**20, False)])
-def test_memory_stays_below_a_gigabyte_whatever_a_chunk_holds(tmp_path, size, kept):
-    (tmp_path / "b").mkdir()
-    with (tmp_path / "b" / "b_0.mcap").open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start("ros2", "screw_module_ros")
-        schema = writer.register_schema("own_msgs/msg/X", "ros2msg", b"uint8[] x")
-        channel = writer.register_channel("/x", "cdr", schema)
-        writer.add_message(channel, 1, bytes(size), 1)
-        writer.finish()
-    done = subprocess.run(
-        [sys.executable, "-c", RECOVER, str(tmp_path / "b")], capture_output=True, text=True,
-        check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
-    messages, memory = done.stdout.splitlines()
-    assert messages == str(int(kept))
-    assert int(memory) < 2**20  # KiB
+    if kept:
+        found = recover(tmp_path / "b")
+        assert (ticks(found.folder), found.problems) == (list(range(kept)), [])
+    else:
+        with pytest.raises(BagError, match="can be read"):
+            recover(tmp_path / "b")
 
 
 @pytest.mark.parametrize("name", [path.name for path in sorted(BAGS.iterdir())])

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""With which quality of service the recorder takes a topic that was named."""
+"""How the recorder takes a topic that was named, and which nodes have not told their parameters."""
+
+from __future__ import annotations
 
 from types import SimpleNamespace
 
@@ -9,8 +11,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
 
+from screw_module_ros.nodes.recording_parameters import NodeParameters
 from screw_module_ros.nodes.recording_topics import Taps, offered_by, satisfying
 from screw_module_ros.recording.definitions import UNKNOWN
+from screw_module_ros.recording.recorder import NO_ANSWER
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
@@ -59,3 +63,58 @@ def test_messages_of_another_version_are_recorded_without_a_definition():
     topic = Taps._topic(taps, tap, [told])
     assert topic.definition == UNKNOWN and topic.type_hash == "RIHS01_" + "01" * 32
     assert "/x is recorded without a definition" in said[0] and "rebuild both" in said[0]
+
+
+class Silent:
+    """A graph in which no node answers; names: the nodes that are there."""
+
+    def __init__(self):
+        self.names: list[str] = []
+
+    def get_service_names_and_types(self):
+        types = ["rcl_interfaces/srv/GetParameters"]
+        return [(f"{name}/get_parameters", types) for name in self.names]
+
+    def get_namespace(self):
+        return "/"
+
+    def get_fully_qualified_name(self):
+        return "/session_recorder"
+
+    def create_client(self, kind, service):
+        pending = SimpleNamespace(add_done_callback=lambda done: None)
+        return SimpleNamespace(call_async=lambda request: pending)
+
+    def destroy_client(self, client):
+        pass
+
+
+def test_a_node_that_stays_and_keeps_silent_is_noted():
+    silent = Silent()
+    parameters = NodeParameters(silent)
+    silent.names = ["/manus"]
+    for _ in range(6):
+        parameters.ask()
+    assert parameters.values == {"/manus": NO_ANSWER}
+
+
+def test_a_script_that_is_run_again_and_again_is_not():
+    """Each run ends before it could answer; `verify` would call the bag incomplete."""
+    silent = Silent()
+    parameters = NodeParameters(silent)
+    for _ in range(6):
+        silent.names = ["/my_script"]
+        parameters.ask()
+        parameters.ask()
+        silent.names = []
+        parameters.ask()
+    assert parameters.values == {}
+
+
+def test_the_nodes_of_another_robot_are_not_asked():
+    silent = Silent()
+    parameters = NodeParameters(silent)
+    silent.names = ["/left/manus"]
+    for _ in range(6):
+        parameters.ask()
+    assert parameters.values == {}

@@ -98,16 +98,12 @@ def test_a_damaged_beginning_is_named_beside_the_hash(bag, place):
     assert len(report.problems) == 2
 
 
-def test_unreadable_metadata_file(bag):
-    (bag / "metadata.yaml").write_text("[")
-    assert "metadata.yaml cannot be read" in verify(bag).problems[0]
-
-
-@pytest.mark.parametrize("content", ["", "3", "rosbag2_bagfile_information: 3", "a: &a [*a]"])
+@pytest.mark.parametrize("content", ["", "[", "3", "rosbag2_bagfile_information: 3"])
 def test_a_metadata_file_of_another_content_is_a_sentence(bag, content, capsys):
     (bag / "metadata.yaml").write_text(content)
     assert main(["verify", str(bag)]) == 1
     assert "NOT complete" in capsys.readouterr().out
+    assert "metadata.yaml cannot be read" in verify(bag).problems[0] or content != "["
 
 
 def test_info_shows_what_was_noted(bag, capsys):
@@ -158,11 +154,6 @@ def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
     assert report.verdict.endswith("1 topics: 1 counted by message numbers")
 
 
-def test_path_that_is_no_bag(tmp_path, capsys):
-    assert main(["verify", str(tmp_path)]) == 1
-    assert "no bag folder" in capsys.readouterr().err
-
-
 def test_what_was_noted_is_kept_and_an_altered_file_is_found(bag):
     assert verify(bag).notes["configuration"] == {"sim.yaml": "sha256:0"}
     path = bag / "bag_0.mcap"
@@ -170,16 +161,6 @@ def test_what_was_noted_is_kept_and_an_altered_file_is_found(bag):
     report = verify(bag)
     assert report.notes["configuration"] == {"sim.yaml": "sha256:1"}
     assert report.problems == ["bag_0.mcap was altered or damaged: its SHA-256 differs"]
-
-
-def test_a_node_that_told_nothing_is_named(tmp_path, encoder_topic, samples):
-    writer = Bag(tmp_path / "silent")
-    writer.write(samples(writer.add_topic(encoder_topic), range(10)))
-    writer.note("parameters", {"/manus": NO_ANSWER})
-    writer.close()
-    assert verify(tmp_path / "silent").problems[1:] == [
-        "/manus: the node did not report its parameters"
-    ]
 
 
 # What the data alone do not tell: topics that are silent, halved, or cannot be counted.
@@ -252,6 +233,11 @@ def test_a_stride_that_nobody_told_is_not_counted(write, told):
     assert report.verdict.endswith(
         "1 counted by ticks and message numbers, 1 counted by message numbers"
     )
+
+
+def test_a_node_that_told_nothing_is_named(write):
+    bag = write(encoder(range(10)), plane([0, 4]), parameters={**RATES, "/manus": NO_ANSWER})
+    assert verify(bag).problems == ["/manus: the node did not report its parameters"]
 
 
 def test_nodes_in_a_namespace_are_found(write):

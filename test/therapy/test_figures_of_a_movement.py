@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed, path, circle, hold and work figures on movements whose figures are known."""
+"""Speed, path, circle, hold, work, smoothness and effect sizes where they are known."""
+
+from __future__ import annotations
 
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from screw_module_ros.control.minimum_jerk import pace, way
 from screw_module_ros.therapy.columns import Trial
@@ -23,8 +27,9 @@ from screw_module_ros.therapy.kinematics import (
     work_done,
 )
 from screw_module_ros.therapy.line import Line
-from screw_module_ros.therapy.measures import computed
+from screw_module_ros.therapy.measures import computed, effect_size
 from screw_module_ros.therapy.protocol import REACH
+from screw_module_ros.therapy.smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
 
 RATE = 200.0
 PATH_FIGURES = (path_error, path_ratio, direction_error)
@@ -152,3 +157,69 @@ def test_the_table_of_a_minimum_jerk_reach():
     assert found["robot_work"] == pytest.approx(5.0 * 0.07, abs=0.01)
     assert found["robot_share"] == pytest.approx(1 / 3, abs=0.01)
     assert found["pm4"] == pytest.approx(0.14)
+
+
+BELL = np.exp(-5.0 * np.arange(-1.0, 1.0, 0.01) ** 2)
+
+
+def minimum_jerk(rate, duration=1.0):
+    """Speed of a minimum-jerk minimum_jerk, both ends included."""
+    count = round(rate * duration)
+    return np.array([pace(k / count) for k in range(count + 1)])
+
+
+def test_published_bell_curve():
+    assert sparc(BELL, 100.0) == pytest.approx(-1.41403, abs=5e-6)
+    assert dimensionless_jerk(BELL, 100.0) == pytest.approx(-335.74684, abs=5e-5)
+    assert log_dimensionless_jerk(BELL, 100.0) == pytest.approx(-5.81636, abs=5e-6)
+
+
+def test_minimum_jerk_in_closed_form():
+    """|DLJ| = 720 / 1.875^2; a finite rate gives less, at 200 Hz -5.273 over 1 s."""
+    fine = minimum_jerk(20000.0)
+    assert dimensionless_jerk(fine, 20000.0) == pytest.approx(-720.0 / 1.875**2, rel=2e-3)
+    assert log_dimensionless_jerk(fine, 20000.0) == pytest.approx(-5.32203, abs=2e-3)
+    coarse = minimum_jerk(200.0)[:-1]
+    assert log_dimensionless_jerk(coarse, 200.0) == pytest.approx(-5.273, abs=1e-3)
+
+
+@given(st.floats(0.01, 100.0))
+def test_neither_scale_nor_pauses_of_the_unit_matter(scale):
+    assert sparc(scale * BELL, 100.0) == pytest.approx(sparc(BELL, 100.0))
+    assert dimensionless_jerk(scale * BELL, 50.0) == pytest.approx(dimensionless_jerk(BELL, 100.0))
+
+
+def test_a_second_submovement_and_a_tremor_are_less_smooth():
+    time = np.arange(0.0, 2.0, 0.005)
+    smooth = np.exp(-5.0 * (time - 1.0) ** 2)
+    twice = np.exp(-20.0 * (time - 0.6) ** 2) + np.exp(-20.0 * (time - 1.4) ** 2)
+    shaken = smooth + 0.1 * np.sin(2.0 * math.pi * 5.0 * time) ** 2
+    for worse in (twice, shaken):
+        assert sparc(worse, 200.0) < sparc(smooth, 200.0) - 0.1
+        assert log_dimensionless_jerk(worse, 200.0) < log_dimensionless_jerk(smooth, 200.0) - 0.5
+
+
+def test_rest_has_no_smoothness_and_nonsense_is_refused():
+    for measure in (sparc, dimensionless_jerk, log_dimensionless_jerk):
+        assert math.isnan(measure(np.zeros(100), 200.0))
+        assert math.isnan(measure([], 200.0))
+        with pytest.raises(ValueError, match="rate"):
+            measure(BELL, 0.0)
+        with pytest.raises(ValueError, match="finite"):
+            measure([1.0, math.nan, 1.0], 200.0)
+
+
+def test_cohens_d_by_hand():
+    """Means 2 and 5, variances 1 and 4 over 2 and 2 degrees: 3 / sqrt(2.5)."""
+    assert effect_size([1.0, 2.0, 3.0], [3.0, 5.0, 7.0]) == pytest.approx(3.0 / math.sqrt(2.5))
+    assert effect_size([3.0, 5.0, 7.0], [1.0, 2.0, 3.0]) == pytest.approx(-3.0 / math.sqrt(2.5))
+
+
+def test_the_larger_group_counts_for_more():
+    """Variances 2 over 1 degree and 1 over 2: pooled 4/3."""
+    assert effect_size([0.0, 2.0], [2.0, 3.0, 4.0]) == pytest.approx(2.0 / math.sqrt(4.0 / 3.0))
+
+
+@pytest.mark.parametrize("groups", [([], [1.0]), ([1.0], [1.0, 2.0]), ([1.0, 1.0], [2.0, 2.0])])
+def test_no_spread_no_size(groups):
+    assert math.isnan(effect_size(*groups))

@@ -19,7 +19,7 @@ from screw_module_ros.therapy.report import write_report
 from screw_module_ros.therapy.report_figures import assistance_figure, paths_figure, trials_figure
 
 BAG = next((Path(__file__).parents[1] / "data" / "bags").glob("P-7K3QX_*"))
-CLOCK = load_protocol("clock_adaptive")
+CLOCK, ELEVATOR = map(load_protocol, ("clock_adaptive", "elevator"))
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]+")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d")  # local time of who recorded it
 
@@ -45,10 +45,23 @@ def evaluation() -> list[Recorded]:
     return [recorded(HEALTHY, brief(load_protocol("evaluation"), 1.0, 1), 1)]
 
 
+def vertical() -> list[Recorded]:
+    """Nothing of the sides: a path up and down has no error, and there are no side walls."""
+    return [recorded(HEALTHY, short(ELEVATOR), 1)]
+
+
+def vertical_unadapted() -> list[Recorded]:
+    """The same, with fixed assistance."""
+    return [recorded(HEALTHY, short(ELEVATOR, adaptation=None), 1)]
+
+
 def ended_at_once() -> list[Recorded]:
     """Nothing was moved: the report drew empty axes, and was "sampled at no samples"."""
     (whole, _) = plane()
     return [whole._replace(trials=[], acts=whole.acts[:1], changes=[])]
+
+
+DRAWN = (bag, plane, unaided, evaluation, vertical, vertical_unadapted)
 
 
 def marks(figure: Figure) -> list[dict]:
@@ -74,9 +87,7 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-@pytest.mark.parametrize(
-    "made", [bag, plane, unaided, evaluation, ended_at_once], ids=lambda made: made.__name__
-)
+@pytest.mark.parametrize("made", [*DRAWN, ended_at_once], ids=lambda made: made.__name__)
 def test_the_page_is_the_kept_one(made, kept, tmp_path):
     sessions = made()
     file = write_report(tmp_path / "page.html", sessions, [replayed(each) for each in sessions])
@@ -86,7 +97,7 @@ def test_the_page_is_the_kept_one(made, kept, tmp_path):
     kept([line.strip() for line in words.splitlines() if line.strip()])
 
 
-@pytest.mark.parametrize("made", [bag, plane, unaided, evaluation], ids=lambda made: made.__name__)
+@pytest.mark.parametrize("made", DRAWN, ids=lambda made: made.__name__)
 def test_its_figures_are_the_kept_ones(made, kept):
     sessions = made()
     figures = [paths_figure(sessions[-1]), trials_figure(sessions), assistance_figure(sessions)]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pseudonyms: random, unmistakable, nothing else accepted; files for the owner alone."""
 
-import os
 import stat
 
 import pytest
@@ -51,21 +50,13 @@ def test_near_misses_are_refused(text):
         checked_pseudonym(text)
 
 
-@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
-def test_folders_and_files_are_private_whatever_the_umask(tmp_path, umask):
-    before = os.umask(umask)
-    try:
-        folder = patient_folder(tmp_path / "sessions", "P-7K3QX")
-        replace(folder / "trials.csv", "one", private=True)
-        replace(folder / "trials.csv", "two", private=True)
-    finally:
-        os.umask(before)
-    assert mode(folder.parent) == mode(folder) == 0o700
-    assert mode(folder / "trials.csv") == 0o600
+def test_folders_and_files_are_the_owners_alone(tmp_path):
+    (tmp_path / "sessions").mkdir()
+    (tmp_path / "sessions" / "P-7K3QX").mkdir(mode=0o755)  # one that was open is closed
+    folder = patient_folder(tmp_path / "sessions", "P-7K3QX")
+    replace(folder / "trials.csv", "one", private=True)
+    replace(folder / "trials.csv", "two", private=True)
+    assert mode(folder) == mode(patient_folder(tmp_path / "new", "P-7K3QX")) == 0o700
+    assert mode(tmp_path / "new") == 0o700 and mode(folder / "trials.csv") == 0o600
     assert (folder / "trials.csv").read_bytes() == b"two"
     assert [each.name for each in folder.iterdir()] == ["trials.csv"]
-
-
-def test_an_open_folder_is_closed(tmp_path):
-    (tmp_path / "P-7K3QX").mkdir(mode=0o755)
-    assert mode(patient_folder(tmp_path, "P-7K3QX")) == 0o700
