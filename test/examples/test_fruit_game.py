@@ -36,6 +36,9 @@ class Hand:
             EndpointSetpoint, "therapy/wish", lambda m: self._wishes.append(m.position), 10
         )
 
+    def leave(self):
+        self.node.destroy_publisher(self._states)
+
     def stand(self, x, y, z, valid=True, enabled=True):
         """Publish one state; return the newest wish, None before the first."""
         state = EndpointState(valid=[valid] * 3, enabled=[enabled] * 2)
@@ -74,54 +77,43 @@ def game():
     process.stdout.close()
 
 
-def test_each_fruit_that_is_picked_is_told_and_another_one_wished_for(game, hand, wait_until):
-    hand.take_wishes()
-    wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
-    first = hand.stand(*FAR)
-    wait_until(lambda: hand.stand(*first) != first, 10.0, "another fruit")
-    second = hand.stand(*FAR)
-    assert math.dist(first, second) > 0.1
-    wait_until(lambda: any("picked" in line for line in game[1]), 10.0, "the line")
-
-
-@pytest.mark.parametrize(
-    ("state", "why"),
-    [({"valid": False}, "not homed"), ({"enabled": False}, "torque is off")],
-)
-def test_it_says_why_nothing_moves(state, why, game, hand, wait_until):
-    hand.take_wishes()
-    wait_until(
-        lambda: hand.stand(*FAR, **state) and any(why in line for line in game[1]), 30.0, why
-    )
-
-
-def test_it_says_that_nobody_takes_its_wishes(game, hand, wait_until):
-    def told():
-        hand.stand(*FAR)
-        return any("does therapy_session run?" in line for line in game[1])
-
-    wait_until(told, 30.0, "the warning")
-
-
-def test_it_says_that_there_is_no_robot(game, wait_until):
-    wait_until(lambda: any("no robot" in line for line in game[1]), 30.0, "the warning")
-
-
-def test_an_axis_without_home_picks_nothing(game, hand, wait_until):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_is_played_and_ends_without_a_traceback(number, game, hand, wait_until):
+    """Each fruit picked is told and another one wished for; an axis without home picks none."""
     hand.take_wishes()
     wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
     first = hand.stand(*FAR)
     assert {hand.stand(first[0], first[1], math.nan) for _ in range(20)} == {first}
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_without_a_traceback(number, game, hand, wait_until):
-    hand.take_wishes()
-    wait_until(lambda: hand.stand(*FAR), 30.0, "a wish")
+    wait_until(lambda: hand.stand(*first) != first, 10.0, "another fruit")
+    assert math.dist(first, hand.stand(*FAR)) > 0.1
     process, lines = game
+    wait_until(lambda: any("picked" in line for line in lines), 10.0, "the line")
     process.send_signal(number)
     assert process.wait(timeout=20) == 0
     assert not any("Traceback" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("state", "takes", "why"),
+    [
+        ({"valid": False}, True, "not homed"),
+        ({"enabled": False}, True, "torque is off"),
+        ({}, False, "does therapy_session run?"),
+        (None, False, "no robot"),
+    ],
+)
+def test_it_says_why_nothing_moves(state, takes, why, game, hand, wait_until):
+    if takes:
+        hand.take_wishes()
+    if state is None:
+        hand.leave()
+
+    def told():
+        if state is not None:
+            hand.stand(*FAR, **state)
+        return any(why in line for line in game[1])
+
+    wait_until(told, 30.0, why)
 
 
 def test_the_page_of_games_shows_this_very_game():

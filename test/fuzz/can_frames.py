@@ -12,6 +12,7 @@ import math
 import random
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 
 import can
 from runner import sentence
@@ -46,7 +47,7 @@ _numbers = itertools.count()
 class CanFrames:
     """One case: one driver, at work while frames come in or configured by a device that babbles."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
         self.counts: Counter[str] = Counter()
 
     def case(self, rng: random.Random) -> None:

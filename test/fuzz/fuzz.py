@@ -9,10 +9,10 @@ counts; exits with 1 when a case failed and says how to run it again.
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
@@ -23,55 +23,23 @@ for _folder in ("devices", "nodes", "recording"):
     sys.path.insert(0, str(Path(__file__).parents[1] / _folder))
 
 
-def _bags(folder: Path) -> Target:
-    from bag_files import BagFiles
-
-    return BagFiles(folder)
-
-
-def _yaml(folder: Path) -> Target:
-    from yaml_inputs import YamlInputs
-
-    return YamlInputs(folder)
-
-
-def _can(folder: Path) -> Target:
-    from can_frames import CanFrames
-
-    return CanFrames()
-
-
-def _nodes(folder: Path) -> Target:
-    from node_requests import NodeRequests
-
-    return NodeRequests(folder)
-
-
-def _state(folder: Path) -> Target:
-    from kept_state import KeptState
-
-    return KeptState(folder)
-
-
-def _therapy(folder: Path) -> Target:
-    from therapy_inputs import TherapyInputs
-
-    return TherapyInputs()
-
-
-TARGETS: dict[str, tuple[str, Callable[[Path], Target]]] = {
-    "bags": ("recorders killed, bags cut, torn, flipped: session verify, info, recover", _bags),
-    "yaml": ("settings, calibrations, parameter files, protocols, plants", _yaml),
-    "can": ("frames into every driver", _can),
-    "nodes": ("services and parameters of every node", _nodes),
-    "state": ("what the supervisor left for its next start", _state),
-    "therapy": ("samples and wishes into a therapy session", _therapy),
-}
+TARGETS = {
+    "bags": ("recorders killed, bags cut, torn, flipped: session verify, info, recover",
+             "bag_files", "BagFiles"),
+    "yaml": ("settings, calibrations, parameter files, protocols, plants",
+             "yaml_inputs", "YamlInputs"),
+    "can": ("frames into every driver", "can_frames", "CanFrames"),
+    "nodes": ("services and parameters of every node", "node_requests", "NodeRequests"),
+    "state": ("what the supervisor left for its next start", "kept_state", "KeptState"),
+    "therapy": ("samples and wishes into a therapy session", "therapy_inputs", "TherapyInputs"),
+}  # fmt: skip
+"""Name -> what is fuzzed, and the module and class, which is imported where it is wanted."""
 
 
 def fuzz(name: str, seed: int, folder: Path, numbers: range | None, seconds: float) -> list[str]:
     """Run one fuzzer and print what came out; return its failures."""
-    target = TARGETS[name][1](folder)
+    what, module, kind = TARGETS[name]
+    target: Target = getattr(importlib.import_module(module), kind)(folder)
     begun = time.monotonic()
     try:
         failures = run(
@@ -79,7 +47,7 @@ def fuzz(name: str, seed: int, folder: Path, numbers: range | None, seconds: flo
         )
     finally:
         target.close()
-    print(f"{name}: {TARGETS[name][0]}; {time.monotonic() - begun:.0f} s")
+    print(f"{name}: {what}; {time.monotonic() - begun:.0f} s")
     for kind, number in sorted(target.counts.items()):
         print(f"  {kind}: {number}")
     for failure in failures[:3]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import random
 from collections import Counter
+from pathlib import Path
 
 from runner import sentence
 
@@ -22,7 +23,7 @@ _STATES = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 class TherapyInputs:
     """One case: a session of a shipped protocol that takes 500 samples, and a game's wishes."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
         self.counts: Counter[str] = Counter()
         self._protocols = [load_protocol(name) for name in SHIPPED]
 
