@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `endpoint_state` shows: samples as the control path judges them, the plane, the pin."""
+"""What the nodes show: every field of a state, samples as they are judged, the plane, the pin."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from screw_module_msgs.msg import EndpointState, PlanarState, SafetyState
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EndpointState,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
 
 from screw_module_ros.control.planar_settings import least_damping
 from screw_module_ros.nodes.endpoint_state import (
@@ -16,7 +22,7 @@ from screw_module_ros.nodes.endpoint_state import (
     _fill_vertical,
     planar_joints,
 )
-from screw_module_ros.nodes.support.states import fill_plane
+from screw_module_ros.nodes.support.states import fill_amplifier, fill_controller, fill_plane
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.safety.checks import VerticalChecks, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
@@ -29,6 +35,30 @@ def bench():
     made.ready()
     yield made
     made.close()
+
+
+class Noted:
+    """Stands for a message; `missing` are the fields that nobody has written."""
+
+    def __init__(self, kind: type):
+        vars(self)["missing"] = set(kind.get_fields_and_field_types())
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self.missing.remove(name)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fill", "part", "by_the_node"),
+    [
+        (ImpedanceState, fill_controller, "controller", {"header", "calibration"}),
+        (AmplifierState, fill_amplifier, "axis", {"header", "calibration"}),
+        (PlanarState, fill_plane, "plane", {"header", "sequence", "monotonic_ns"}),
+    ],
+)
+def test_every_field_of_a_state_is_written_once(bench, kind, fill, part, by_the_node):
+    message = Noted(kind)
+    fill(message, getattr(bench, part), bench.now_ns)
+    assert message.missing == by_the_node
 
 
 def shown_plane(bench, plane: PlanarState) -> EndpointState:

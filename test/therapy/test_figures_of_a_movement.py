@@ -163,7 +163,7 @@ BELL = np.exp(-5.0 * np.arange(-1.0, 1.0, 0.01) ** 2)
 
 
 def minimum_jerk(rate, duration=1.0):
-    """Speed of a minimum-jerk minimum_jerk, both ends included."""
+    """Speed of a minimum-jerk movement, both ends included."""
     count = round(rate * duration)
     return np.array([pace(k / count) for k in range(count + 1)])
 
