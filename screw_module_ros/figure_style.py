@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-STYLE = {
+_STYLE = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
     "axes.titlelocation": "left",
@@ -23,7 +23,7 @@ STYLE = {
     "lines.linewidth": 1.1,
     "savefig.dpi": 150,
 }
-rcParams.update(STYLE)
+rcParams.update(_STYLE)
 # Okabe and Ito's colours: distinguishable in grey and for the colour-blind.
 COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7", "#56b4e9")
 DESIRED = "#222222"

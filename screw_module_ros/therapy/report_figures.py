@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..figure_style import COLOURS, DESIRED, STYLE
+from ..figure_style import COLOURS, DESIRED
 from .hand import AXES, VERTICAL
 from .measures import Row
 from .recorded import Recorded
@@ -78,14 +78,14 @@ def outward_paths(recorded: Recorded) -> list[Path]:
 def paths_figure(recorded: Recorded) -> Figure:
     """Draw the outward paths of a session, separately without and with assistance."""
     paths = outward_paths(recorded)
-    with rc_context({**STYLE, **_SMALL}):
+    with rc_context(_SMALL):
         figure = Figure(figsize=(7.4, 2.7), layout="constrained")
         parts = [a for a in (False, True) if any(path.assisted is a for path in paths)] or [False]
         panels = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
         for axes, assisted in zip(panels, parts, strict=True):
             kept = [path for path in paths if path.assisted is assisted]
             title = f"{_NAMES[assisted].capitalize()}: {len(kept)} outward reaches"
-            axes.set_title(title, loc="left")
+            axes.set_title(title)
             if recorded.protocol.space == VERTICAL:
                 _heights(axes, kept)
             else:
@@ -129,7 +129,7 @@ def _heights(axes: Axes, paths: Sequence[Path]) -> None:
 def trials_figure(sessions: Sequence[Recorded]) -> Figure:
     """Draw the figures of `shown` over all trials, session after session."""
     names = shown(sessions)
-    with rc_context({**STYLE, **_SMALL}):
+    with rc_context(_SMALL):
         figure = Figure(figsize=(7.4, 3.5), layout="constrained")
         panels = figure.subplots(2, 3).ravel()
         for axes in panels[len(names) :]:
@@ -159,7 +159,7 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
             axes.axvline(offset + 0.5, color=DESIRED, lw=0.8, ls=":")
     _scale(axes, name)
     best = f": {_BEST[name]}" if name in _BEST else ""
-    axes.set_title(labelled(name) + best, loc="left")
+    axes.set_title(labelled(name) + best)
     axes.set_xlabel("trial")
     axes.locator_params(axis="x", integer=True)
 
@@ -188,7 +188,7 @@ def assistance_figure(sessions: Sequence[Recorded]) -> Figure:
     found = {"duration": "time allowed for a reach [s]"}
     if has_sides(sessions):
         found["side_stiffness"] = "stiffness of the side walls [N/m]"
-    with rc_context({**STYLE, **_SMALL}):
+    with rc_context(_SMALL):
         figure = Figure(figsize=(7.4, 1.5), layout="constrained")
         panels = figure.subplots(1, len(found), squeeze=False)[0]
         for axes, (name, title) in zip(panels, found.items(), strict=True):
@@ -209,5 +209,5 @@ def _steps(axes: Axes, sessions: Sequence[Recorded], name: str, title: str) -> N
                 axes.axvline(offset - 0.5, color=DESIRED, lw=0.8, ls=":")
     axes.margins(y=0.2)
     axes.locator_params(axis="x", integer=True)
-    axes.set_title(title, loc="left")
+    axes.set_title(title)
     axes.set_xlabel("change")

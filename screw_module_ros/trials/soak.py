@@ -28,7 +28,6 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.stats import theilslopes
@@ -38,7 +37,7 @@ from screw_module_msgs.srv import StartTherapy
 from screw_module_ros.bridge.rights import ROLES, SUBSCRIBE
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
-from screw_module_ros.figure_style import COLOURS, STYLE, save
+from screw_module_ros.figure_style import COLOURS, save
 from screw_module_ros.recording.verify import Report, verify
 
 from ..control.modes import MODE_NAMES
@@ -464,22 +463,21 @@ def draw(samples: Sequence[Sample], file: Path) -> Path:
         ("latency, SYNC to drive write [us]", ("latency p50", "latency p99")),
         ("messages waiting for the disk", ("waiting",)),
     ) if noted.intersection(panel[1])]  # fmt: skip
-    with rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 2.25 * len(panels)), layout="constrained")
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, (title, quantities) in zip(axes, panels, strict=True):
-            names = dict.fromkeys(n for s in samples for n in s.values if n[1] in quantities)
-            for number, name in enumerate(names):
-                style = "-" if number < len(COLOURS) else "--"
-                axis.plot(
-                    [sample.time / 60.0 for sample in samples],
-                    [sample.values.get(name, math.nan) for sample in samples],
-                    style, color=COLOURS[number % len(COLOURS)],
-                    label=name[0] if len(quantities) == 1 else name[1],
-                )  # fmt: skip
-            axis.set_title(title, loc="left")
-            axis.set_ylim(bottom=0.0)
-            if len(names) > 1:
-                axis.legend(ncols=2, loc="center left", bbox_to_anchor=(1.0, 0.5))
-        axes[-1].set_xlabel("time [min]")
+    figure = Figure(figsize=(8.0, 2.25 * len(panels)), layout="constrained")
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (title, quantities) in zip(axes, panels, strict=True):
+        names = dict.fromkeys(n for s in samples for n in s.values if n[1] in quantities)
+        for number, name in enumerate(names):
+            style = "-" if number < len(COLOURS) else "--"
+            axis.plot(
+                [sample.time / 60.0 for sample in samples],
+                [sample.values.get(name, math.nan) for sample in samples],
+                style, color=COLOURS[number % len(COLOURS)],
+                label=name[0] if len(quantities) == 1 else name[1],
+            )  # fmt: skip
+        axis.set_title(title)
+        axis.set_ylim(bottom=0.0)
+        if len(names) > 1:
+            axis.legend(ncols=2, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes[-1].set_xlabel("time [min]")
     return save(figure, file)
