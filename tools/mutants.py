@@ -190,8 +190,8 @@ class Judges:
     def _of(self, one: Mutant, room: str) -> list[str]:
         """Return the tests for a change, as many as the time allows.
 
-        The quick ones come first, and of equally quick ones those that call much and have caught
-        other changes.
+        The room's own tests come first, of them the quick ones, and of equally quick ones those
+        that call much and have caught other changes.
 
         Where none calls the function itself, as outside of all functions and in compiled code,
         these are the tests that call a function of the file, or else all of the room. Outside of
@@ -209,7 +209,9 @@ class Judges:
         chosen, spent = [], 0.0
         if not line:
             chosen = [test for test in self._called if test.startswith(DECLARED)]
-        for test in sorted(exact or near or own, key=self._cost):
+        candidates = sorted(exact or near or own, key=self._cost)
+        candidates.sort(key=lambda test: not test.startswith(f"{TESTS[room][0]}/"))
+        for test in candidates:
             spent += self._seconds[test]
             if spent > ENOUGH_S:
                 break

@@ -68,6 +68,7 @@ def test_identity_changes_nothing(torque):
         ({"lower": Line(0.0, -0.025)}, "lower.slope = 0.0: below"),
         ({"upper": Line(math.inf, 0.025)}, "upper.slope"),
         ({"middle": (-3000.0, 0.0, 2.55, 0.0)}, "middle"),
+        ({"middle": (8000.0, 0.0, -2.5, 0.0)}, "middle"),  # falls between rising ends
         ({"middle": (math.nan, 0.0, 2.55, 0.0)}, r"middle\[0\]"),
         ({"lower": Line(1.0, 0.0)}, "lower.offset_Nm"),
         ({"upper": Line(1.0, math.nan)}, "upper.offset_Nm"),
