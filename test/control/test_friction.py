@@ -88,10 +88,22 @@ def test_held_outside_the_fitted_range(position, velocity):
     assert friction_force(MODEL, position, velocity) == held
 
 
-def test_the_ratio_of_found_to_modelled_friction_starts_at_one():
-    memory = Presliding(modelled=10.0)
-    compare_step(memory, 5.0, 0.2, 0.1 * FALL_TIME)
-    assert memory.ratio == pytest.approx(1.0 - 0.5 * 0.1)
+@pytest.mark.parametrize(
+    ("modelled", "found", "velocity", "ratio"),
+    [
+        (10.0, 5.0, 0.2, 0.95),
+        (10.0, 100.0, 0.2, 1.01),  # twice the model counts at most, and it rises slowly
+        (1.0, 0.5, 0.005, 0.95),
+        (0.99, 0.5, 0.2, 1.0),  # too little friction, too slow, or against the motion
+        (10.0, 5.0, 0.0049, 1.0),
+        (10.0, 5.0, -0.2, 1.0),
+    ],
+)
+def test_the_ratio_of_found_to_modelled_friction(modelled, found, velocity, ratio):
+    """It starts at one; the step is a tenth of the time in which it falls."""
+    memory = Presliding(modelled=modelled)
+    compare_step(memory, found, velocity, 0.1 * FALL_TIME)
+    assert memory.ratio == pytest.approx(ratio)
 
 
 def test_a_force_that_is_too_large_only_above_the_break_is_found():

@@ -2,6 +2,7 @@
 """The vertical law: its equations when settled, its bounds under anything at all."""
 
 import math
+from itertools import product
 
 import pytest
 
@@ -213,9 +214,14 @@ def test_a_soft_stop_presses_no_harder_on_the_hand_than_the_limit(position, targ
     assert output.force - output.gravity == pytest.approx(largest)
 
 
-@pytest.mark.parametrize("field", ["position", "velocity", "force"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_a_measurement_that_cannot_be_gives_zero(field, value):
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        *product(("position", "velocity", "force", "slot_force"), (math.nan, -math.inf, 1e300)),
+        *product(("slot_weight",), (math.nan, -0.01, 1.01)),
+    ],
+)
+def test_an_input_that_cannot_be_gives_zero(field, value):
     _, state = run(REST)
     output = vertical_step(SETTINGS, MODEL, state, REST._replace(**{field: value}), DT)
     assert output.force == 0.0

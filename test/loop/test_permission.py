@@ -137,6 +137,14 @@ def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
     assert later.result(timeout=0.0) == "done"
 
 
+def test_an_act_that_no_loop_carries_out_is_refused_and_not_done_later():
+    requests, acts = Requests(), []
+    said = requests.ask(lambda: acts.append("enabled"), ManualClock(MS))
+    assert said == "the loop does not run: activate the node"
+    requests.serve()
+    assert acts == []
+
+
 def implausible(bench) -> None:
     """Send a new command that no controller may give."""
     bench.clock.time_ns += MS

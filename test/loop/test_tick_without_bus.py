@@ -18,7 +18,7 @@ from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
-from screw_module_ros.samples import DriveReading
+from screw_module_ros.samples import DriveReading, EncoderReading, ForceReading
 from screw_module_ros.trials.one_thread import PERIOD_NS
 
 MS = 1_000_000
@@ -141,6 +141,20 @@ def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
         enabled.ticks(10)
         assert not enabled.controller.faulted and enabled.enable() == ""
         assert enabled.torque_passes
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_a_controller_alone_waits_for_the_force_of_the_encoders_tick(bench, monkeypatch, comes):
+    """It comes a moment later than the position; where it does not, the older one is used."""
+    old, new = (ForceReading(n, n * MS, n * MS, *(0.0,) * 6, 0) for n in (6, 7))
+    used: list[int] = []
+    monkeypatch.setattr(bench.controller, "on_force", lambda force, _: used.append(force.sequence))
+    wires = Wires(
+        take_sample=lambda until_ns: EncoderReading(7, 7 * MS, 7 * MS, 0, 0.1, 0.0, True),
+        take_force=lambda until_ns: old if until_ns == 0 else new if comes else None,
+    )
+    VerticalLoop(bench.clock, PERIOD_NS, wires).step(Parts(controller=bench.controller))
+    assert used == [7 if comes else 6]
 
 
 def test_an_encoder_alone_waits_for_no_commands():
