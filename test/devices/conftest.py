@@ -3,4 +3,4 @@
 
 from __future__ import annotations
 
-from scripted_fixtures import drive_end, encoder_end, sensor_end, wire  # noqa: F401
+from scripted_fixtures import wire  # noqa: F401

@@ -15,6 +15,11 @@ MILLISECOND = 1_000_000
 _SIZES = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4}  # bytes, of an expedited download
 
 
+def written(can_id: int, data: bytes) -> str:
+    """Return a frame as text, as in the files of conversations."""
+    return f"{can_id:03X} {data.hex(' ').upper()}".strip()
+
+
 class SharedClock(ManualClock):
     """A manual clock for several threads: a wait advances it when all who use it wait.
 
@@ -74,8 +79,17 @@ class TiedBus(VirtualBus):
         self._wire = wire
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self._check()
         super().send(msg, timeout)
         self._wire.step()
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._check()
+        return super()._recv_internal(timeout)
+
+    def _check(self) -> None:
+        if self._wire.broken:
+            raise can.CanOperationError("Transmit buffer full")
 
 
 class Wire:
@@ -84,6 +98,8 @@ class Wire:
     def __init__(self, channel: str, sync_producer: bool = True):
         self.clock = SharedClock(1_000_000_000_000)
         self.frames: list[tuple[int, bytes]] = []
+        self.broken = False  # our end fails
+        self.held: list[can.Message] | None = None  # a list: frames from the far side are kept back
         self._devices: list[FarEnd] = []
         self._turn = threading.RLock()
         self._far = VirtualBus(channel=channel)
@@ -105,10 +121,19 @@ class Wire:
     def emit(self, can_id: int, data: bytes | str) -> None:
         """Put one frame on the bus from the far side; text is hex."""
         payload = bytes.fromhex(data) if isinstance(data, str) else data
-        self._far.send(can.Message(arbitration_id=can_id, data=payload, is_extended_id=False))
+        self.emit_message(can.Message(arbitration_id=can_id, data=payload, is_extended_id=False))
 
     def emit_message(self, message: can.Message) -> None:
-        self._far.send(message)
+        if self.held is None:
+            self._far.send(message)
+        else:
+            self.held.append(message)
+
+    def release(self) -> None:
+        """Send all that was kept back, and keep nothing back any more."""
+        held, self.held = self.held or [], None
+        for message in held:
+            self._far.send(message)
 
     @property
     def now_ns(self) -> int:
@@ -150,6 +175,7 @@ class ScriptedNode(FarEnd):
         self.objects = dict(objects)
         self.refused: dict[tuple[int, int], int] = {}  # on writing: abort code
         self.deaf: set[tuple[int, int]] = set()  # accepts a write, keeps the old value
+        self.at_start = self.at_write = ""  # what it does at its next start, and after each write
         self.writes: list[tuple[int, int, int]] = []
         self.operational = False
         self.mute = False
@@ -159,12 +185,23 @@ class ScriptedNode(FarEnd):
         if can_id == 0x000 and data[1] in (0, self.node_id):
             self.nmt.append(data[0])
             self.operational = data[0] == 0x01
+            if self.operational and self.at_start:
+                happens, self.at_start = self.at_start, ""
+                getattr(self, happens)()
+                self.wire.port.pump()  # by the loop's thread
         elif can_id == 0x600 + self.node_id and not self.mute:
             self._sdo(data)
 
     def boot_up(self) -> None:
         self.operational = False
         self.wire.emit(0x700 + self.node_id, "00")
+
+    def break_bus(self) -> None:
+        self.wire.broken = True
+
+    def be_asked(self) -> None:
+        """Hear a request of another client, for an object that it may not even have."""
+        self.wire.emit(0x600 + self.node_id, "40 61 60 00 00 00 00 00")
 
     def _reply(self, data: bytes) -> None:
         self.wire.emit(0x580 + self.node_id, data)
@@ -204,6 +241,8 @@ class ScriptedNode(FarEnd):
         if key not in self.deaf:
             self.objects[key] = data[:size]
             self.written(key, data[:size])
+        if self.at_write:
+            getattr(self, self.at_write)()
         self._reply(b"\x60" + address + b"\0\0\0\0")
 
     def written(self, key: tuple[int, int], data: bytes) -> None:

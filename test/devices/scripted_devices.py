@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from scripted import FarEnd, ScriptedNode, Wire, pdo_objects, unsigned
+from scripted import MILLISECOND, FarEnd, ScriptedNode, Wire, pdo_objects, unsigned, written
 
 
 class ScriptedEncoder(ScriptedNode):
@@ -31,27 +31,18 @@ class ScriptedEncoder(ScriptedNode):
                 **pdo_objects(0x1800, 2, 0x40000282, [0x60040020], kind=1),
             },
         )
-        self.position = 0
+        self.position = self.speed = 0  # counts, counts per millisecond
+        self._begun_ns = wire.now_ns
         self.answering = True
-        self.held: deque[bytes] | None = None
 
     def handle(self, can_id: int, data: bytes) -> None:
         super().handle(can_id, data)
         if can_id == 0x080 and self.operational and self.answering:
-            frame = unsigned(self.position, 4)
-            if self.held is None:
-                self.wire.emit(0x182, frame)
-            else:
-                self.held.append(frame)
+            self.answer()
 
-    def hold(self) -> None:
-        """From now on keep the answers back."""
-        self.held = deque()
-
-    def release(self, count: int = 1) -> None:
-        """Send the oldest answers kept back."""
-        for _ in range(count):
-            self.wire.emit(0x182, self.held.popleft())
+    def answer(self) -> None:
+        moved = self.speed * (self.wire.now_ns - self._begun_ns) // MILLISECOND
+        self.wire.emit(0x182, unsigned(self.position + moved, 4))
 
 
 #: Statuswords of the eight states with the voltage and remote bits set as drives do.
@@ -102,7 +93,10 @@ class ScriptedDrive(ScriptedNode):
         self.torque = self.given = 0
         self.position = 0
         self.cause_stands = False
-        self.answering = True
+        self.answering = self.obeys = True
+        self.delay = 0  # controlwords until one is obeyed
+        self.beat = "05"  # its heartbeat, empty for none
+        self._words: deque[int] = deque()
         self._last_word = 0
 
     def written(self, key: tuple[int, int], data: bytes) -> None:
@@ -116,9 +110,16 @@ class ScriptedDrive(ScriptedNode):
         if can_id == 0x200 + self.node_id:
             assert len(data) == 4
             self.torque = int.from_bytes(data[2:4], "little", signed=True)
-            self.command(int.from_bytes(data[0:2], "little"))
+            if self.obeys:
+                self._words.append(int.from_bytes(data[0:2], "little"))
+            if len(self._words) > self.delay:
+                self.command(self._words.popleft())
         elif can_id == 0x080 and self.answering:
             self.report()
+
+    def show_life(self) -> None:
+        if self.beat:
+            self.wire.emit(0x700 + self.node_id, self.beat)
 
     def report(self) -> None:
         word = STATUSWORDS[self.state].to_bytes(2, "little")
@@ -173,7 +174,7 @@ class ScriptedSensor(FarEnd):
 
     #: Row 0 of the matrix as float32 big-endian: 2.0 -0.5 0 0 0 0; the others 1.0 on the diagonal.
     ROWS = (
-        ("40 00 00 00 BF 00 00 00", "00 00 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"),
+        ("{}", "00 00 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"),
         ("00 00 00 00 3F 80 00 00", "00 00 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"),
         ("00 00 00 00 00 00 00 00", "3F 80 00 00 00 00 00 00", "00 00 00 00 00 00 00 00"),
         ("00 00 00 00 00 00 00 00", "00 00 00 00 3F 80 00 00", "00 00 00 00 00 00 00 00"),
@@ -188,34 +189,33 @@ class ScriptedSensor(FarEnd):
         self.units = "02 03"
         self.counts = "00 00 03 E8 00 00 27 10"  # 1000 per N, 10000 per Nm
         self.serial = b"FT012345".hex()
-        self.answers_polls = True
+        self.answering = True
         self.mute = False
-        self.rows = [list(row) for row in self.ROWS]
+        self.forgets: list[str] = []  # requests that get no answer, the first one next
+        self.gains = "40 00 00 00 BF 00 00 00"  # of gauges 0 and 1 in the first row
 
     def handle(self, can_id: int, data: bytes) -> None:
         if can_id >> 4 != 0x12 or self.mute:
             return
-        opcode, emit = can_id & 0xF, self.wire.emit
-        if (opcode, len(data)) == (0x0, 0) and self.answers_polls:
-            emit(0x120, self.first)
-            emit(0x121, self.second)
-        elif (opcode, len(data)) == (0x2, 1):
+        opcode, emit, one_byte = can_id & 0xF, self.wire.emit, len(data) == 1
+        told = {0x5: self.serial, 0x7: self.counts, 0x8: self.units, 0xC: "", 0xF: "02 05 01 2C"}
+        if [written(can_id, data)] == self.forgets[:1]:
+            self.forgets.pop(0)
+        elif (opcode, data) == (0x0, b"") and self.answering:
+            self.answer()
+        elif opcode in told and not data:
+            emit(can_id, told[opcode])
+        elif opcode == 0x2 and one_byte:
             for part in range(3):
-                emit(0x122 + part, self.rows[data[0]][part])
-        elif (opcode, len(data)) == (0x5, 0):
-            emit(0x125, self.serial)
-        elif (opcode, len(data)) == (0x6, 1):
+                emit(0x122 + part, self.ROWS[data[0]][part].format(self.gains))
+        elif opcode == 0x6 and one_byte:
             emit(0x126, data)
-        elif (opcode, len(data)) == (0x7, 0):
-            emit(0x127, self.counts)
-        elif (opcode, len(data)) == (0x8, 0):
-            emit(0x128, self.units)
-        elif (opcode, len(data)) == (0x9, 1):
+        elif opcode == 0x9 and one_byte:
             emit(0x129, bytes([data[0], 0x10]))
-        elif (opcode, len(data)) == (0xC, 0):
-            emit(0x12C, b"")
-        elif (opcode, len(data)) == (0xF, 0):
-            emit(0x12F, "02 05 01 2C")
+
+    def answer(self) -> None:
+        self.wire.emit(0x120, self.first)
+        self.wire.emit(0x121, self.second)
 
 
 class ScriptedBox(FarEnd):
@@ -227,11 +227,13 @@ class ScriptedBox(FarEnd):
         self.z = "A0 0F 00 00"  # Fz 4000, Tz 0
         self.status = "00 00"
         self.number, self.step = 0xFFFA, 7
-        self.mute = self.no_second = False
+        self.answering, self.no_second = True, False
 
     def handle(self, can_id: int, data: bytes) -> None:
-        if can_id != 0x120 or bytes(data) != b"\x02" or self.mute:
-            return
+        if (can_id, bytes(data)) == (0x120, b"\x02") and self.answering:
+            self.answer()
+
+    def answer(self) -> None:
         self.number = self.number + self.step & 0xFFFF
         self.wire.emit(0x125, self.xy)
         if not self.no_second:

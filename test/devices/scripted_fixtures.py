@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 from scripted import Wire
-from scripted_devices import ScriptedDrive, ScriptedEncoder, ScriptedSensor
+from scripted_devices import ScriptedEncoder
 
 
 @pytest.fixture
@@ -20,15 +20,3 @@ def wire(request):
 def encoder_end(wire):
     """A scripted CiA 406 encoder, node 2."""
     return wire.attach(ScriptedEncoder(wire))
-
-
-@pytest.fixture
-def drive_end(wire):
-    """A scripted CiA 402 drive, node 1."""
-    return wire.attach(ScriptedDrive(wire))
-
-
-@pytest.fixture
-def sensor_end(wire):
-    """A scripted ATI NETCANOEM board, base 0x12."""
-    return wire.attach(ScriptedSensor(wire))

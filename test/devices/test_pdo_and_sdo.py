@@ -11,18 +11,48 @@ from screw_module_ros.devices.errors import NotAnswering, NotConfigured, Refused
 from screw_module_ros.devices.sdo import Sdo
 
 WANTED = pdo.Pdo(1, True, 0x185, 1, (pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32)), 100)
+READ_ONLY = 0x06010002
+RIGHT_MAPPING = {(0x1A00, 0): b"\x02", (0x1A00, 2): unsigned(0x60640020, 4)}
+RIGHT_TYPE_AND_TIMER = {(0x1800, 2): b"\x01", (0x1800, 5): unsigned(100, 2)}
+
+
+class Stubborn(ScriptedNode):
+    """A node that puts other answers before its own, and shows what it likes as an identifier."""
+
+    first: tuple[str, ...] = ()
+    shown: int | None = None
+    loses = 0  # answers
+
+    def _reply(self, data: bytes) -> None:
+        for frame in self.first:
+            self.wire.emit(0x585, frame)
+        self.first = ()
+        if self.loses:
+            self.loses -= 1
+        else:
+            super()._reply(data)
+
+    def written(self, key: tuple[int, int], data: bytes) -> None:
+        if key == (0x1800, 1) and not data[3] & 0x80 and self.shown is not None:
+            self.objects[key] = unsigned(self.shown, 4)
 
 
 @pytest.fixture
 def node(wire):
     objects = pdo_objects(0x1800, 1, 0x40000185, [0x60410010])
     objects |= {(0x1018, 4): unsigned(0xDEADBEEF, 4), (0x6061, 0): b"\xff"}
-    return wire.attach(ScriptedNode(wire, 5, objects))
+    return wire.attach(Stubborn(wire, 5, objects))
 
 
 @pytest.fixture
-def sdo(wire, node):
-    return Sdo(wire.port, 5, "test device", 0.02, lambda: None)
+def foreign():
+    """Requests of others that were noticed."""
+    return []
+
+
+@pytest.fixture
+def sdo(wire, node, foreign):
+    return Sdo(wire.port, 5, "test device", 0.02, lambda: foreign.append(True))
 
 
 # -- SDO -----------------------------------------------------------------------------------------
@@ -44,52 +74,46 @@ def test_abort_is_told_in_words(sdo):
     assert found.value.absent
 
 
-def test_one_lost_answer_is_asked_for_again(wire, node, sdo):
-    sdo_of_node = node._sdo
-    node._sdo = lambda data: setattr(node, "_sdo", sdo_of_node) if data[0] == 0x40 else None
+def test_one_lost_answer_is_asked_for_again(node, sdo):
+    node.loses = 1
     assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
 
 
-def test_silence_is_not_answering_after_two_tries(wire, node, sdo):
+def test_silence_is_two_tries_and_late_answers_are_nobody_else_s(wire, node, sdo, foreign):
     node.mute = True
     with pytest.raises(NotAnswering, match="node id 5"):
         sdo.read(0x1018, 4)
-    uploads = [data for data in wire.sent(0x605) if data[0] == 0x40]
-    assert len(uploads) == 2
-
-
-@pytest.mark.parametrize("garbage", ["", "43 18 10", "80 18 10 04 00 00 00", "FF" * 8])
-def test_garbage_before_the_answer_is_not_believed(wire, node, sdo, garbage):
-    answer = node._reply
-
-    def reply(data):
-        wire.emit(0x585, garbage)
-        node._reply = answer
-        answer(data)
-
-    node._reply = reply
+    assert [data[0] for data in wire.sent(0x605)].count(0x40) == 2
+    for _ in range(2):
+        wire.emit(0x585, "43 18 10 04 07 00 00 00")
+    wire.port.pump()
+    node.mute = False
     assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
-    if len(bytes.fromhex(garbage)) != 8:
-        assert len(wire.sent(0x605)) == 1  # no answer at all: nothing to ask again for
+    wire.emit(0x585, "43 18 10 04 07 00 00 00")
+    wire.port.pump()
+    assert foreign == []
+    node.be_asked()
+    wire.port.pump()
+    assert foreign == [True]
 
 
-def test_answer_for_another_object_is_not_believed(wire, node, sdo):
-    answer = node._reply
-    others = iter([bytes.fromhex("43 00 10 00 01 02 03 04")])
-    node._reply = lambda data: answer(next(others, data))
+@pytest.mark.parametrize(
+    ("frame", "requests"),
+    [
+        ("", 1), ("43 18 10", 1), ("80 18 10 04 00 00 00", 1),  # no answers: none to ask again for
+        ("FF FF FF FF FF FF FF FF", 2),
+        ("43 00 10 00 01 02 03 04", 2),  # another object
+        ("80 02 14 01 00 00 02 06", 1),  # abort of another, the late answer to a repeated request
+    ],
+)  # fmt: skip
+def test_what_is_no_answer_of_ours_is_not_believed(wire, node, sdo, frame, requests):
+    node.first = (frame,)
     assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
-
-
-def test_abort_of_another_object_is_not_believed(node, sdo):
-    """The late answer to a repeated request, when the next one has been sent."""
-    answer = node._reply
-    others = iter([bytes.fromhex("80 02 14 01 00 00 02 06")])
-    node._reply = lambda data: answer(next(others, data))
-    assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
+    assert len(wire.sent(0x605)) == requests
 
 
 def test_abort_without_an_object_is_believed(node, sdo):
-    node._reply = lambda data: node.wire.emit(0x585, "80 00 00 00 00 00 04 05")
+    node.first = ("80 00 00 00 00 00 04 05",)
     with pytest.raises(Refused):
         sdo.unsigned(0x1018, 4)
 
@@ -101,7 +125,7 @@ def test_read_back_of_another_value(node, sdo):
 
 
 def test_constant_is_taken_when_it_is_the_right_one(node, sdo):
-    node.refused[0x6061, 0] = 0x06010002  # attempt to write a read-only object
+    node.refused[0x6061, 0] = READ_ONLY
     sdo.set(0x6061, 0, -1, 1)
     with pytest.raises(Refused, match="6061:00"):
         sdo.set(0x6061, 0, 10, 1)
@@ -114,14 +138,11 @@ def test_order_of_the_writes(node, sdo):
     pdo.configure(sdo, WANTED)
     assert node.writes == [
         (0x1800, 1, 0xC0000185),
-        (0x1A00, 0, 0),
-        (0x1A00, 1, 0x60410010),
-        (0x1A00, 2, 0x60640020),
-        (0x1A00, 0, 2),
+        (0x1A00, 0, 0), (0x1A00, 1, 0x60410010), (0x1A00, 2, 0x60640020), (0x1A00, 0, 2),
         (0x1800, 2, 1),
         (0x1800, 5, 100),
         (0x1800, 1, 0x40000185),
-    ]
+    ]  # fmt: skip
 
 
 def test_inhibit_time_is_cleared(node, sdo):
@@ -130,46 +151,46 @@ def test_inhibit_time_is_cleared(node, sdo):
     assert node.objects[0x1800, 3] == b"\0\0"
 
 
-def test_device_without_timers_is_fine_where_none_is_wanted(node, sdo):
-    del node.objects[0x1800, 3], node.objects[0x1800, 5]
-    pdo.configure(sdo, WANTED._replace(timer_ms=0))
-    with pytest.raises(Refused, match="1800:05"):
+@pytest.mark.parametrize(
+    ("absent", "read_only", "objects", "wanted"),
+    [
+        ([(0x1800, 3), (0x1800, 5)], [], {}, WANTED._replace(timer_ms=0)),
+        ([], [(0x1A00, 0)], RIGHT_MAPPING, WANTED),
+        ([], [(0x1800, 2), (0x1800, 5)], RIGHT_TYPE_AND_TIMER, WANTED),
+    ],
+    ids=["no timer where none is wanted", "mapping", "type and timer"],
+)
+def test_what_is_fixed_is_taken_when_it_is_right(node, sdo, absent, read_only, objects, wanted):
+    node.objects |= objects
+    node.refused |= dict.fromkeys(read_only, READ_ONLY)
+    for key in absent:
+        del node.objects[key]
+    pdo.configure(sdo, wanted)
+
+
+@pytest.mark.parametrize(
+    ("refused", "error", "told"),
+    [
+        ({(0x1800, 5): 0x06020000}, Refused, "1800:05"),
+        ({(0x1A00, 0): READ_ONLY}, NotConfigured, "1A00 is fixed and not the one needed"),
+        ({(0x1800, 2): READ_ONLY}, Refused, "1800:02"),
+    ],
+)
+def test_what_is_fixed_otherwise_is_refused(node, sdo, refused, error, told):
+    node.refused |= refused
+    with pytest.raises(error, match=told):
         pdo.configure(sdo, WANTED)
-
-
-def test_fixed_mapping_is_taken_when_it_is_the_right_one(node, sdo):
-    node.refused[0x1A00, 0] = 0x06010002
-    with pytest.raises(NotConfigured, match="1A00 is fixed and not the one needed"):
-        pdo.configure(sdo, WANTED)
-    node.objects |= {(0x1A00, 0): b"\x02", (0x1A00, 2): unsigned(0x60640020, 4)}
-    pdo.configure(sdo, WANTED)
-
-
-def test_fixed_type_and_timer_are_taken_when_they_are_the_right_ones(node, sdo):
-    node.objects |= {(0x1800, 2): b"\x01", (0x1800, 5): unsigned(100, 2)}
-    node.refused |= {(0x1800, 2): 0x06010002, (0x1800, 5): 0x06010002}
-    pdo.configure(sdo, WANTED)
-    with pytest.raises(Refused, match="1800:02"):
-        pdo.configure(sdo, WANTED._replace(kind=2))
 
 
 @pytest.mark.parametrize("shown", [0xC0000185, 0x60000185, 0x40000186])
 def test_identifier_that_reads_back_otherwise(node, sdo, shown):
-    def stubborn(key, data):
-        if key == (0x1800, 1) and not data[3] & 0x80:
-            node.objects[key] = unsigned(shown, 4)
-
-    node.written = stubborn
+    node.shown = shown
     with pytest.raises(NotConfigured, match="should be enabled with identifier 0x185"):
         pdo.configure(sdo, WANTED)
 
 
 def test_bits_beyond_the_identifier_are_the_devices_own(node, sdo):
-    def stubborn(key, data):
-        if key == (0x1800, 1) and not data[3] & 0x80:
-            node.objects[key] = unsigned(0x00000185, 4)  # bit 30 dropped
-
-    node.written = stubborn
+    node.shown = 0x00000185  # bit 30 dropped
     pdo.configure(sdo, WANTED)
     assert node.objects[0x1800, 1] == unsigned(0x00000185, 4)
 

@@ -3,64 +3,44 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.devices.polled import FRESH, LATE, UNEXPECTED, RequestTracker
 
-
-def test_each_answer_in_its_tick_is_fresh():
-    tracker = RequestTracker()
-    assert [(tracker.ask(), tracker.answer()) for _ in range(5)] == [(True, FRESH)] * 5
-
-
-def test_nobody_asked():
-    assert RequestTracker().answer() == UNEXPECTED
-
-
-def test_burst_after_a_stall_ends_fresh():
-    tracker = RequestTracker()
-    for _ in range(4):
-        assert tracker.ask()
-    assert [tracker.answer() for _ in range(5)] == [LATE, LATE, LATE, FRESH, UNEXPECTED]
-
-
-def test_silence_settles_a_lost_answer():
-    tracker = RequestTracker()
-    tracker.ask()
-    tracker.ask()
-    assert tracker.answer() == LATE
-    assert not tracker.ask()
-    assert tracker.ask()
-    assert tracker.answer() == FRESH
-
-
-def test_listening_goes_on_while_old_answers_come_in():
-    tracker = RequestTracker()
-    for _ in range(3):
-        tracker.ask()
-    assert tracker.answer() == LATE
-    assert not tracker.ask()
-    assert tracker.answer() == LATE
-    assert not tracker.ask()
-    assert tracker.answer() == LATE
-    assert tracker.ask()
-    assert tracker.answer() == FRESH
+# Each step with what comes of it; a number is an answer, of that part.
+SEQUENCES = {
+    "each answer in its tick is fresh": (1, [("ask", True), (0, FRESH)] * 5),
+    "nobody asked": (1, [(0, UNEXPECTED)]),
+    "a burst after a stall ends fresh": (
+        1, [("ask", True)] * 4 + [(0, LATE)] * 3 + [(0, FRESH), (0, UNEXPECTED)],
+    ),
+    "silence settles a lost answer": (
+        1, [("ask", True), ("ask", True), (0, LATE), ("ask", False), ("ask", True), (0, FRESH)],
+    ),
+    "listening goes on while old answers come in": (
+        1, [("ask", True)] * 3 + [(0, LATE), ("ask", False)] * 2
+        + [(0, LATE), ("ask", True), (0, FRESH)],
+    ),
+    "a second part without its first pays for both": (
+        2, [("ask", True), (1, FRESH), (0, UNEXPECTED), ("ask", True)],
+    ),
+    "an older second part after a newer first is late": (
+        2, [("ask", True)] * 2 + [(0, LATE), (0, FRESH), (1, LATE), (1, FRESH)],
+    ),
+    "between ticks nothing is fresh": (
+        1, [("ask", True), ("end", None), (0, LATE), (0, UNEXPECTED), ("ask", True), (0, FRESH)],
+    ),
+}  # fmt: skip
 
 
-def test_second_part_without_its_first_pays_for_both():
-    tracker = RequestTracker(parts=2)
-    tracker.ask()
-    assert tracker.answer(1) == FRESH
-    assert tracker.answer(0) == UNEXPECTED
-    assert tracker.ask()
-
-
-def test_older_second_part_after_a_newer_first_is_late():
-    tracker = RequestTracker(parts=2)
-    tracker.ask()
-    tracker.ask()
-    assert [tracker.answer(part) for part in (0, 0, 1, 1)] == [LATE, FRESH, LATE, FRESH]
+@pytest.mark.parametrize(("parts", "steps"), SEQUENCES.values(), ids=SEQUENCES)
+def test_sequence(parts, steps):
+    tracker = RequestTracker(parts)
+    does = {"ask": tracker.ask, "end": tracker.end_tick}
+    found = [does[step]() if step in does else tracker.answer(step) for step, _ in steps]
+    assert found == [outcome for _, outcome in steps]
 
 
 @given(st.integers(0, 10), st.lists(st.integers(1, 3), max_size=60))
@@ -87,13 +67,3 @@ def test_lost_answers_cost_few_samples_and_never_a_wrong_one(losses):
             verdict = tracker.answer()
             assert verdict in (FRESH, LATE)
             assert verdict == FRESH or since_loss < 3
-
-
-def test_between_ticks_nothing_is_fresh():
-    tracker = RequestTracker()
-    assert tracker.ask()
-    tracker.end_tick()
-    assert tracker.answer() == LATE
-    assert tracker.answer() == UNEXPECTED
-    assert tracker.ask()
-    assert tracker.answer() == FRESH
