@@ -165,6 +165,12 @@ class FarEnd:
     def handle(self, can_id: int, data: bytes) -> None:
         raise NotImplementedError
 
+    def break_bus(self) -> None:
+        self.wire.broken = True
+
+    def mend_bus(self) -> None:
+        self.wire.broken = False
+
 
 class ScriptedNode(FarEnd):
     """SDO server (expedited, CiA 301) and NMT slave over a table of raw objects."""
@@ -195,9 +201,6 @@ class ScriptedNode(FarEnd):
     def boot_up(self) -> None:
         self.operational = False
         self.wire.emit(0x700 + self.node_id, "00")
-
-    def break_bus(self) -> None:
-        self.wire.broken = True
 
     def be_asked(self) -> None:
         """Hear a request of another client, for an object that it may not even have."""

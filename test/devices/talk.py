@@ -166,9 +166,6 @@ class Talk:
         assert hasattr(self.device, name), name
         setattr(self.device, name, value_of(" ".join(value)))
 
-    def fail(self, broken: str) -> None:
-        self.wire.broken = broken == "True"
-
     def hold(self) -> None:
         self.wire.held = []
 

@@ -11,7 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
-from talk import DRIVE, Talk
+from talk import DRIVE, Talk, converse
 
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.canopen import Heartbeat
@@ -57,6 +57,20 @@ def test_whatever_the_drive_shows_torque_is_zero_unless_enabled_and_asked_for(sc
             assert (command[0] & 0x0F == 0x0F) <= asked
     finally:
         wire.close()
+
+
+@pytest.mark.parametrize("state", sorted(set(STATUSWORDS) - {"operation enabled"}))
+def test_every_exit_from_operation_enabled_is_latched(wire, state):
+    converse(
+        Talk(wire, "enabled_drive", []),
+        f"let state {state}",
+        "run 1 0.3 = *201 00 00 00 00; see written = 0",
+        f"see fault = *left operation enabled by itself, to {state}*; see logic.enabling = False",
+        "let state operation enabled",
+        "5 x run 1 0.3; see written = 0",  # nothing enables it again by itself
+        "see device.state = switch on disabled",
+        "cannot request_enable = NotNow: *clear the fault*",
+    )
 
 
 # -- guards and limits -----------------------------------------------------------------------------
