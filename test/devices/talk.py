@@ -15,6 +15,7 @@ import pytest
 from scripted import FarEnd, Wire, written
 from scripted_devices import ScriptedBox, ScriptedDrive, ScriptedEncoder, ScriptedSensor
 
+from screw_module_ros import profiles
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.drive import Drive
@@ -91,6 +92,8 @@ class Talk:
         kind = KINDS[name]
         given = {name: value_of(value) for name, value in (each.split("=") for each in settings)}
         own = {name: given.pop(name) for name in set(given) - set(kind.settings._fields)}
+        if "make" in own:
+            own["make"] = profiles.load(own["make"])
         self.wire = wire
         wire.port.sync_producer = own.pop("sync_producer", True)
         self.device = wire.attach(kind.end(wire))

@@ -85,7 +85,9 @@ def test_drive_without_a_guard_is_not_enabled(wire, key, how):
     talk.begin()
     assert talk.driver.warnings[0].startswith("UNGUARDED")
     assert key[:4] in talk.driver.warnings[0]
-    assert key[:4] in talk.cannot("request_enable")
+    refusal = talk.cannot("request_enable")
+    assert key[:4] in refusal
+    assert ("allow_no_heartbeat" in refusal) == (key == "1016:01")
 
 
 def test_no_heartbeat_watch_is_enabled_by_its_own_switch_alone(wire):
