@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-import re
-from ast import literal_eval
-from collections.abc import Iterator
-from fnmatch import fnmatchcase
 from operator import attrgetter
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from conversation import carry_out, value_of, values_of
 from scripted import FarEnd, Wire, written
 from scripted_devices import ScriptedBox, ScriptedDrive, ScriptedEncoder, ScriptedSensor
 
@@ -48,25 +44,6 @@ KINDS = {
 }
 
 
-def conversations(file: Path) -> Iterator[object]:
-    """Yield device, settings and steps of each conversation, for each device it is written for."""
-    text = re.sub(r" *(#.*)?\n", "\n", file.read_text(encoding="utf-8"))
-    for title, steps in re.findall(r"^(\w.*)\n((?: .*\n|\n)+)", text, re.MULTILINE):
-        given, _, sentence = title.partition(": ")
-        devices, *settings = given.split()
-        for device in devices.split("|"):
-            lines = list(filter(None, map(str.strip, steps.split("\n"))))
-            yield pytest.param(device, settings, lines, id=f"{device}: {sentence}")
-
-
-def value_of(text: str) -> object:
-    """Return the number, tuple or text."""
-    try:
-        return literal_eval(text)
-    except (SyntaxError, ValueError):
-        return text
-
-
 def key_of(text: str) -> tuple[int, int]:
     index, subindex = text.split(":")
     return int(index, 16), int(subindex, 16)
@@ -90,7 +67,7 @@ class Talk:
     def __init__(self, wire: Wire, device: str, settings: list[str]):
         begun, _, name = device.rpartition("_")
         kind = KINDS[name]
-        given = {name: value_of(value) for name, value in (each.split("=") for each in settings)}
+        given = values_of(settings)
         own = {name: given.pop(name) for name in set(given) - set(kind.settings._fields)}
         if "make" in own:
             own["make"] = profiles.load(own["make"])
@@ -236,16 +213,6 @@ class Talk:
         for part in name.split("."):
             found = found[part] if isinstance(found, dict) else getattr(found, part)
         return shown(found)
-
-
-def carry_out(talk: Talk, line: str) -> None:
-    """Carry out a step, or several with `;` between them, as often as `N x` before them says."""
-    times, _, steps = line.rpartition(" x ")
-    for step in int(times or 1) * steps.split("; "):
-        said, _, wanted = step.partition(" = ")
-        verb, *words = said.split()
-        answer = getattr(talk, verb)(*words)
-        assert not wanted or fnmatchcase(answer, wanted), f"{step}: {answer}"
 
 
 def converse(talk: Talk, *lines: str) -> None:

@@ -7,10 +7,16 @@ import math
 from pathlib import Path
 
 import pytest
-from talk import KINDS, Talk, conversations, converse
+from conversation import conversations
+from talk import KINDS, Talk, converse
 
 FILES = ("contract.txt", "drive.txt", "encoder.txt", "force_sensor.txt")
-ALL = [each for name in FILES for each in conversations(Path(__file__).with_name(name))]
+ALL = [
+    pytest.param(device, settings, steps, id=f"{device}: {sentence}")
+    for name in FILES
+    for (devices, *settings), sentence, steps in conversations(Path(__file__).with_name(name))
+    for device in devices.split("|")
+]
 
 
 @pytest.mark.parametrize(("device", "settings", "steps"), ALL)

@@ -15,8 +15,9 @@ import re
 from pathlib import Path
 
 import pytest
+from conversation import carry_out
 from scripted import written
-from talk import Talk, carry_out
+from talk import Talk
 
 from screw_module_ros.devices.drive import Drive
 

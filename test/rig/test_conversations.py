@@ -3,35 +3,15 @@
 
 from __future__ import annotations
 
-import re
-from ast import literal_eval
-from collections.abc import Iterator
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+from conversation import carry_out, conversations, value_of, values_of
 
 from screw_module_ros.rig.build import RigSettings
 
-FILE = Path(__file__).with_name("conversations.txt")
 NODES = {"drive": 1, "torque_drive": 1, "encoder": 2, "streaming": 2, "planar": 3}
 NAMES = {"torque_drive": "drive", "sensor": "force_sensor", "streaming": "encoder"}
-
-
-def conversations() -> Iterator[object]:
-    """Yield devices with their settings, and the steps, of each conversation."""
-    text = re.sub(r" *(#.*)?\n", "\n", FILE.read_text(encoding="utf-8"))
-    for title, steps in re.findall(r"^(\w.*)\n((?: .*\n|\n)+)", text, re.MULTILINE):
-        given, _, sentence = title.partition(": ")
-        yield pytest.param(given.split(), steps.split("\n"), id=sentence)
-
-
-def value_of(text: str) -> object:
-    """Return the number, tuple or text."""
-    try:
-        return literal_eval(text)
-    except (SyntaxError, ValueError):
-        return text
 
 
 def told(frames: list[tuple[int, str]]) -> str:
@@ -100,25 +80,20 @@ class Talk:
         return f"{self._bench.rig.devices[self._device].state:02X}"
 
 
-def carry_out(talk: Talk, line: str) -> None:
-    """Carry out a step, or several with `;` between them, as often as `N x` before them says."""
-    times, _, steps = line.rpartition(" x ")
-    for step in int(times or 1) * steps.split("; "):
-        said, _, wanted = step.partition(" = ")
-        verb, *words = said.split()
-        answer = getattr(talk, verb)(*words)
-        assert not wanted or fnmatchcase(answer, wanted), f"{step}: {answer}"
+ALL = [
+    pytest.param(given, steps, id=sentence)
+    for given, sentence, steps in conversations(Path(__file__).with_name("conversations.txt"))
+]
 
 
-@pytest.mark.parametrize(("given", "steps"), list(conversations()))
+@pytest.mark.parametrize(("given", "steps"), ALL)
 def test_conversation(request, given, steps):
     devices, *settings = given
     if settings or "," in devices:
-        values = {name: value_of(value) for name, value in (s.split("=") for s in settings)}
         make = request.getfixturevalue("make_bench")
-        bench = make(*devices.split(","), settings=RigSettings(**values))
+        bench = make(*devices.split(","), settings=RigSettings(**values_of(settings)))
     else:
         bench = request.getfixturevalue(devices)
     talk = Talk(bench, devices.partition(",")[0])
-    for line in filter(None, map(str.strip, steps)):
+    for line in steps:
         carry_out(talk, line)
