@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 import pytest
-from friction_bench import FakeBench
+from formula_bench import keep_calibration
 from test_kept_results import SETTINGS
 
 from screw_module_ros.identification import figures
@@ -16,42 +16,26 @@ from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 
 SPRING = Spring(100.0, 0.18)
-ON_THE_MODULE = [
-    name for name in EXPERIMENTS if name not in {*SETTINGS, "stability", "calibration"}
-]
-"""Experiments that formulas cannot stand in for. `test_kept_results.py` and `test_stability.py`
-draw the others, and `calibration` writes a file."""
 
 
-def loop(name: str, beyond: float, samples: int = 20_000) -> Trace:
-    angle = np.linspace(0.0, 4.0 * np.pi, samples)
+def loop(name: str, beyond: float) -> Trace:
+    angle = np.linspace(0.0, 4.0 * np.pi, 20_000)
     position = 0.18 + 0.1 * np.sin(angle)
     velocity = 0.08 * np.cos(angle)
     return Trace(name, position, velocity, 100 * (position - 0.18) + beyond * np.sign(velocity))
 
 
-def words(axes) -> set[str]:
-    return {text.get_text() for text in axes.get_legend().get_texts()}
-
-
-def test_force_position_names_every_line_and_its_units():
-    axes = figures.force_position([loop("plain", 10.0), loop("better", 2.0)], SPRING).axes[0]
-    assert words(axes) == {"plain", "better", "desired: 100 N/m about 0.18 m"}
-    assert axes.get_xlabel().endswith("[m]")
-    assert axes.get_ylabel().endswith("[N]")
-
-
-def test_the_desired_spring_goes_through_its_centre_and_is_dotted():
-    axes = figures.force_position([loop("plain", 10.0)], SPRING).axes[0]
+def test_force_position_curves_with_the_desired_spring():
+    traces = [loop("plain", 10.0), loop("better", 2.0)]
+    axes = figures.force_position(traces, SPRING).axes[0]
+    legend = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert legend == {"plain", "better", "desired: 100 N/m about 0.18 m"}
+    assert axes.get_xlabel().endswith("[m]") and axes.get_ylabel().endswith("[N]")
     (line,) = [line for line in axes.lines if line.get_label().startswith("desired")]
     position, force = line.get_data()
     assert force == pytest.approx(100.0 * (position - 0.18))
     assert line.get_linestyle() == "--"
     assert line.get_linewidth() > 2 * axes.lines[0].get_linewidth()
-
-
-def test_arrows_point_the_way_the_handle_goes():
-    axes = figures.force_position([loop("plain", 10.0)], SPRING).axes[0]
     arrows = [text for text in axes.texts if hasattr(text, "arrow_patch")]
     assert len(arrows) >= 2
     for arrow in arrows:
@@ -68,58 +52,47 @@ def test_paths_are_seen_from_above_and_from_the_front():
     figure.savefig(io.BytesIO())  # shared axes show only here what they cannot do together
     titles = [axes.get_title("left") for axes in figure.axes]
     assert titles[:2] == ["one", "two"], "no path is drawn over another"
-    above, _, front, _ = figure.axes
-    for axes, upward in ((above, 2), (front, 3)):
+    for axes, upward in ((figure.axes[0], 2), (figure.axes[2], 3)):
         assert axes.get_ylabel().endswith("[m]")
         assert axes.lines[0].get_ydata()[-1] == pytest.approx(0.1 * upward)
 
 
 @pytest.mark.parametrize(
-    "draw", [lambda: figures.force_position([], SPRING), lambda: figures.path_views([])]
+    ("draw", "more"), [(figures.force_position, (SPRING,)), (figures.path_views, ())]
 )
-def test_nothing_to_draw_is_refused(draw):
+def test_nothing_to_draw_is_refused(draw, more):
     with pytest.raises(ValueError, match="to draw"):
-        draw()
+        draw([], *more)
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory, bench):
-    """Results of these experiments for a short time, and of what they need."""
-    folder = tmp_path_factory.mktemp("kept")
-    formulas, simulated = Lab(FakeBench(), folder), Lab(bench, folder)
-    speeds = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
-    changes = {
-        "static_torque": (simulated, {}),
-        "friction_map": (formulas, {"speeds": speeds, "inverted_speeds": speeds[::3]}),
-        "force_position": (simulated, {"cycles": 1.0}),
-        "force_gain": (simulated, {"gains": (0.0, 20.0), "resolution": 5.0, "duration": 4.0}),
-        "force_error": (simulated, {"cases": ("small",)}),
-        "planar_error": (simulated, {"cases": ("small",)}),
-        "delivered_impedance": (simulated, {"frequencies": (1.0, 8.0)}),
-        "compensation": (simulated, {"cycles": 1.0}),
-        "robustness": (simulated, {"cases": ("small",)}),
-    }
-    results = {}
-    wanted = {need for name in ON_THE_MODULE for need in EXPERIMENTS[name].needs} | {"friction_map"}
-    wanted.remove("stability")  # without it a certificate permits no gain
-    for experiment in EXPERIMENTS.values():
-        if experiment.name in wanted.union(ON_THE_MODULE):
-            lab, settings = changes.get(experiment.name, (formulas, {}))
-            result = experiment.run(lab, experiment.settings()._replace(**settings))
-            result.save(folder)
-            results[experiment.name] = load_result(folder, experiment.name)
-    return results
+ON_THE_MODULE = {
+    "force_position": {"cycles": 1.0},
+    "force_gain": {"gains": (0.0, 20.0), "resolution": 5.0, "duration": 4.0},
+    "force_error": {"cases": ("small",)},
+    "planar_error": {"cases": ("small",)},
+    "delivered_impedance": {"frequencies": (1.0, 8.0)},
+    "compensation": {"cycles": 1.0},
+    "robustness": {"cases": ("small",)},
+}
+"""Experiments that formulas cannot stand in for, with settings for a short time. The others are
+drawn by `test_kept_results.py` and `test_stability.py`; `calibration` writes a file."""
 
 
-def test_they_draw_what_they_kept(kept, tmp_path):
+def test_every_experiment_is_drawn_by_a_test():
+    assert {*EXPERIMENTS} == {*SETTINGS, *ON_THE_MODULE, "stability", "calibration"}
+
+
+def test_the_others_draw_what_they_kept(tmp_path, bench):
     """From the files alone; each figure has a title, units, and something in it."""
-    for name in ON_THE_MODULE:
-        result = kept[name]
-        drawn = EXPERIMENTS[name].draw(result)
+    keep_calibration(tmp_path, bench.world)
+    for name, short in ON_THE_MODULE.items():
+        run, settings = EXPERIMENTS[name].run, EXPERIMENTS[name].settings()
+        run(Lab(bench, tmp_path), settings._replace(**short)).save(tmp_path)
+        drawn = EXPERIMENTS[name].draw(load_result(tmp_path, name))
         assert drawn, name
         for title, figure in drawn.items():
             assert figure.get_suptitle() or figure.axes[0].get_title("left"), (name, title)
-            for axes in figure.axes:
-                assert axes.has_data() or axes.patches, (name, title)
-            file = figures.save(figure, tmp_path / f"{name}-{title.replace(' ', '_')}.png")
-            assert file.stat().st_size > 5000, (name, title)
+            assert all(axes.has_data() or axes.patches for axes in figure.axes), (name, title)
+            figure.dpi = 30
+            figure.canvas.draw()
+    assert figures.save(figure, tmp_path / "figure.png").stat().st_size > 5000

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from friction_bench import FakeBench
-from sampled_bench import SampledBench, keep_linearization
+from formula_bench import FormulaBench, keep_line
 
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.lab import Lab
@@ -35,15 +34,16 @@ OF_THE_LAST_BIT = ("largest_left", "largest_at_handle", "correlation, uncertaint
 
 
 def measured(name: str, folder: Path, bench: object) -> Result:
-    """Run an experiment after those that it needs."""
+    """Run an experiment after those that it needs, as far as the folder lacks their results."""
     experiment = EXPERIMENTS[name]
+    if name not in SIMULATED:
+        bench = FormulaBench()
     if name in SAMPLED:
-        keep_linearization(folder)
-        bench = SampledBench()
-    elif name not in SIMULATED:
-        bench = FakeBench()
+        keep_line(folder)
+    else:
         for need in experiment.needs:
-            measured(need, folder, bench)
+            if not (folder / f"{need}.yaml").exists():
+                measured(need, folder, bench)
     settings = experiment.settings()._replace(**SETTINGS[name])
     result = experiment.run(Lab(bench, folder), settings)
     result.save(folder)
