@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from formula_bench import FormulaBench, keep
 
 from screw_module_ros.calibration.certificate import (
     FEEDBACK,
@@ -23,7 +24,7 @@ from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSett
 from screw_module_ros.filters import lowpass_coefficients, velocity_settled, velocity_step
 from screw_module_ros.identification import calibration, stability
 from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.sampled_loop import (
     Mechanism,
     Sampling,
@@ -32,9 +33,7 @@ from screw_module_ros.identification.sampled_loop import (
     radius,
     sampled,
 )
-from screw_module_ros.identification.trials import MOTION, RELEASE, WAYS_OUT, Arm
-
-pytestmark = pytest.mark.long
+from screw_module_ros.identification.trials import MOTION, RELEASE, Arm
 
 HAND, HEAVY = Arm(), Arm(30.0, 300.0, 30.0)
 USUAL = VerticalSettings()
@@ -47,10 +46,9 @@ def integrated(m, e, sampling, law):
 
     It ends before any limit of the law acts.
     """
-    dt = 1e-6
-    steps = round(1.0 / sampling.rate / dt)
-    late = round(sampling.delay / dt)
-    period, smooth = 1.0 / sampling.rate, lowpass_coefficients(30.0, 1.0 / sampling.rate)
+    dt, period = 2e-6, 1.0 / sampling.rate
+    steps, late = round(period / dt), round(sampling.delay / dt)
+    smooth = lowpass_coefficients(30.0, period)
     settings = law.settings._replace(observer_rest=0.0, chatter_limit=1e6)
     friction = thesis_friction()
     memory, motion = initial_state(settings), velocity_settled(0.18)
@@ -90,6 +88,7 @@ def integrated(m, e, sampling, law):
     return (late_size / early) ** (1 / apart)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "sampling", "mount"),
     [
@@ -124,35 +123,39 @@ def test_the_softest_mount_of_appendix_a_costs_most_of_the_gain():
     assert "the mount" in stability.limits(soft, HAND, Sampling(), FEEDBACK_LAW)
 
 
-def test_published_study_of_this_loop():
-    """Three cases found by another program, which also had the amplifier's 0.22 ms of lag."""
-    for environment, sampling, gain in (
+@pytest.mark.parametrize(
+    ("environment", "sampling", "gain"),
+    [
         (HAND, Sampling(2000.0, 0.385e-3), 22.1),
         (HAND, Sampling(1000.0, 1.26e-3), 14.7),
         (HEAVY, Sampling(1000.0, 1.26e-3), 5.5),
-    ):
-        found = largest_gain(BARE, environment, sampling, FEEDBACK_LAW)
-        assert found == pytest.approx(gain, rel=0.1)
+    ],
+)
+def test_published_study_of_this_loop(environment, sampling, gain):
+    """Cases found by another program, which also had the amplifier's 0.22 ms of lag."""
+    assert largest_gain(BARE, environment, sampling, FEEDBACK_LAW) == pytest.approx(gain, rel=0.1)
 
 
-def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff():
+@pytest.mark.parametrize("mass", [3.0, 10.0, 30.0])
+@pytest.mark.parametrize("sampling", [Sampling(1000.0, 1.26e-3), Sampling(2000.0, 0.385e-3)])
+def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff(mass, sampling):
     stiff = Mechanism(contact_stiffness=1e9, contact_damping=3e4, transducer=1e5)
     firm = FEEDBACK_LAW._replace(settings=USUAL._replace(stiffness=20.0))
-    for mass in (3.0, 10.0, 30.0):
-        arm = Arm(mass, 0.0, 20.0)
-        for sampling in (Sampling(1000.0, 1.26e-3), Sampling(2000.0, 0.385e-3)):
-            exact = largest_gain(stiff, arm, sampling, firm)
-            by_hand = stability.hand_formula(stiff, arm, sampling, 30.0)
-            assert 0.7 * exact < by_hand < 1.1 * exact
+    exact = largest_gain(stiff, Arm(mass, 0.0, 20.0), sampling, firm)
+    by_hand = stability.hand_formula(stiff, Arm(mass, 0.0, 20.0), sampling, 30.0)
+    assert 0.7 * exact < by_hand < 1.1 * exact
 
 
-def test_hand_formula_says_when_it_does_not_hold():
-    soft = Mechanism(contact_stiffness=1e5)
-    assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
-    assert math.isnan(stability.hand_formula(Mechanism(), Arm(0.0), Sampling(), 30.0))
-    light_wall = Arm(1.0, 1e5, 30.0)
-    assert largest_gain(Mechanism(), light_wall, Sampling(), FEEDBACK_LAW) < 1.0
-    assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
+@pytest.mark.parametrize(
+    ("mechanism", "environment"),
+    [
+        (Mechanism(contact_stiffness=1e5), HAND),
+        (Mechanism(), Arm(0.0)),
+        (Mechanism(), Arm(1.0, 1e5, 30.0)),
+    ],
+)
+def test_hand_formula_says_when_it_does_not_hold(mechanism, environment):
+    assert math.isnan(stability.hand_formula(mechanism, environment, Sampling(), 30.0))
 
 
 def test_the_damping_of_a_soft_grip_decides_alone():
@@ -187,82 +190,89 @@ RIGID = stability.Settings(mount_stiffness=0.0)
 
 
 CERTIFIED = ("hand", "heavy_arm", "wall")
+DELIVERED = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
 
 
-class Nothing:
-    """A bench without a module."""
+@pytest.fixture
+def lab(tmp_path):
+    """A lab with a bench that has no module to show a truth of."""
+    return Lab(FormulaBench(), tmp_path)
 
-    rate, name, serial, offers = 1000.0, "no module", "", frozenset(WAYS_OUT)
+
+@pytest.fixture
+def quickly(monkeypatch):
+    """Return a function that has the experiment meet these environments alone, without curves."""
+
+    def meet(environments):
+        monkeypatch.setattr(stability, "ENVIRONMENTS", environments)
+        monkeypatch.setattr(stability, "_curves", lambda *_: {})
+
+    return meet
 
 
-def test_experiment_predicts_without_a_simulated_module(tmp_path, monkeypatch):
+def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
+    """The certificate permits what is stable on hand, heavy arm and damped wall."""
     met = {name: stability.ENVIRONMENTS[name] for name in CERTIFIED}
     monkeypatch.setattr(stability, "ENVIRONMENTS", met)
-    result = stability.run(Lab(Nothing(), tmp_path), RIGID)
+    result = stability.run(lab, RIGID)
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
     assert result.value("formula_hand") == pytest.approx(result.value("feedback_hand"), rel=0.35)
-    with pytest.raises(KeyError):
-        result.quantity("formula_wall")
+    assert "formula_wall" not in {q.name for q in result.quantities}
     assert any("limited by" in note for note in result.notes)
     (drawn,) = stability.draw(result).values()
     for axes, over in zip(drawn.axes, ("delay", "mass"), strict=True):
         assert over in axes.get_xlabel() and len(axes.lines) >= len(stability.CURVES)
-    assert_certified(result, tmp_path)
+    weighed = result.settings | {"masses": stability.IDENTIFIED}
+    result._replace(settings=weighed).save(lab.folder)
+    calibration.write(lab, DELIVERED, "ARM-0007")
+    permitted = load_certificate(lab.folder / calibration.CERTIFICATE, "ARM-0007")
+    assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
+    for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
+        least = min(result.value(f"{law}_{met}") for met in CERTIFIED)
+        assert least - 0.01 <= gain <= least
 
 
-def test_a_loop_that_no_gain_makes_unstable_is_said(tmp_path, monkeypatch):
-    free = {"free": ("a free handle", Arm(0.0, 0.0, 1.0))}
-    monkeypatch.setattr(stability, "ENVIRONMENTS", free)
-    monkeypatch.setattr(stability, "_curves", lambda *_: {})
-    result = stability.run(Lab(Nothing(), tmp_path), RIGID)
+def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
+    quickly({"free": ("a free handle", Arm(0.0, 0.0, 1.0))})
+    result = stability.run(lab, RIGID)
     assert math.isinf(result.value("feedback_free"))
     assert "none up to 100 is unstable" in result.quantity("feedback_free").text
 
 
-def test_gains_of_another_law_or_module_make_no_certificate(tmp_path):
-    found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
-    delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
-    for change, bench, said in (
+@pytest.mark.parametrize(
+    ("change", "bench", "said"),
+    [
         ({"law_version": "of last year"}, "", "version of last year of the law"),
         ({"masses": stability.NOMINAL}, "", "run gravity and inertia"),
         ({}, "live graph, hardware, module ARM-0008", "from another bench .*ARM-0008"),
-    ):
-        Result("stability", (), found | change, (), {}, bench).save(tmp_path)
-        with pytest.raises(MissingResult, match=said):
-            calibration.write(Lab(Nothing(), tmp_path), delivered, "ARM-0007")
-        assert not list(tmp_path.glob("*module_certificate*")), "nor a half of one"
+    ],
+)
+def test_gains_of_another_law_or_module_make_no_certificate(lab, change, bench, said):
+    found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
+    Result("stability", (), found | change, (), {}, bench).save(lab.folder)
+    with pytest.raises(MissingResult, match=said):
+        calibration.write(lab, DELIVERED, "ARM-0007")
+    assert not list(lab.folder.glob("*module_certificate*")), "nor a half of one"
 
 
-def test_hardware_has_no_serial_of_a_simulated_module(tmp_path):
-    hardware = SimpleNamespace(offers=frozenset({MOTION}), serial="")
-    simulated = SimpleNamespace(offers=frozenset({MOTION, RELEASE}), serial="")
-    with pytest.raises(ValueError, match="SIM-0001 is a simulated module's"):
-        calibration.own_serial(Lab(hardware, tmp_path), "SIM-0001")
-    assert calibration.own_serial(Lab(hardware, tmp_path), "ARM-0007") == "ARM-0007"
-    assert calibration.own_serial(Lab(simulated, tmp_path), "SIM-0001") == "SIM-0001"
-    hardware.serial = "ARM-0008"
-    with pytest.raises(ValueError, match="ARM-0007 is not the module_serial of impedance_contr"):
-        calibration.own_serial(Lab(hardware, tmp_path), "ARM-0007")
-
-
-def identified(folder, weight, mass):
-    """Keep results of the two experiments that weigh a module [N], [kg]."""
-    for name, quantity, value in (("gravity", "gravity", weight), ("inertia", "mass", mass)):
-        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(folder)
-
-
-def assert_certified(result, folder):
-    """Check that the certificate permits what is stable on hand, heavy arm and damped wall."""
-    weighed = result.settings | {"masses": stability.IDENTIFIED}
-    result._replace(settings=weighed).save(folder)
-    delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
-    calibration.write(Lab(Nothing(), folder), delivered, "ARM-0007")
-    permitted = load_certificate(folder / calibration.CERTIFICATE, "ARM-0007")
-    assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
-    for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
-        stable = [result.value(f"{law}_{met}") for met in CERTIFIED]
-        assert min(stable) - 0.01 <= gain <= min(stable)
+@pytest.mark.parametrize(
+    ("offers", "own", "asked", "said"),
+    [
+        ({MOTION}, "", "SIM-0001", "SIM-0001 is a simulated module's"),
+        ({MOTION}, "ARM-0008", "ARM-0007",
+         "ARM-0007 is not the module_serial of impedance_contr"),
+        ({MOTION}, "", "ARM-0007", ""),
+        ({MOTION, RELEASE}, "", "SIM-0001", ""),
+    ],
+)  # fmt: skip
+def test_hardware_has_no_serial_of_a_simulated_module(tmp_path, offers, own, asked, said):
+    lab = Lab(SimpleNamespace(offers=frozenset(offers), serial=own), tmp_path)
+    if not said:
+        assert calibration.own_serial(lab, asked) == asked
+        return
+    with pytest.raises(ValueError, match=said):
+        calibration.own_serial(lab, asked)
 
 
 SLOW_LOOP = conditions_of(USUAL._replace(observer_inertia=0.35), 1000.0, 1.26e-3, 30.0)
@@ -280,6 +290,7 @@ def permitted_with(conditions: Conditions) -> dict[str, float]:
     }
 
 
+@pytest.mark.long
 def test_what_a_certificate_refuses_costs_margin():
     """More delay too, which the controller does not know; the velocity filter costs nothing.
 
@@ -298,17 +309,17 @@ def test_what_a_certificate_refuses_costs_margin():
     assert permitted_with(loop._replace(velocity_cutoff=10.0)) == usual
 
 
-def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkeypatch):
+def test_the_certificate_is_for_mass_and_law_of_the_calibration(lab, quickly, monkeypatch):
     """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses.
 
     The mass that the law carries costs margin; on a light wall no gain is left, which is said.
     """
     walls = {name: stability.ENVIRONMENTS[name] for name in ("wall", "light_wall")}
-    monkeypatch.setattr(stability, "ENVIRONMENTS", walls)
-    monkeypatch.setattr(stability, "_curves", lambda *_: {})
+    quickly(walls)
     monkeypatch.setattr(stability, "limits", lambda *_: {"the delay": 1.0})
-    identified(tmp_path, 10.04, 7.0)
-    found = stability.run(Lab(Nothing(), tmp_path), RIGID)
+    keep(lab.folder, "gravity", gravity=10.04)
+    keep(lab.folder, "inertia", mass=7.0)
+    found = stability.run(lab, RIGID)
     assert (found.settings["mass"], found.settings["observer_inertia"]) == (7.0, KNOWN_SHARE)
     own = Mechanism()._replace(nut_mass=7.0 - 10.04 / 9.81, handle_mass=10.04 / 9.81)
     assert found.settings["nut_mass"] == own.nut_mass
@@ -320,7 +331,8 @@ def test_the_certificate_is_for_mass_and_law_of_the_calibration(tmp_path, monkey
     assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)
 
 
-def test_a_counterbalanced_handle_counts_with_the_least_mass(tmp_path):
-    identified(tmp_path, -0.2, 5.0)
-    found = stability._weighed(Lab(Nothing(), tmp_path), stability.Settings())
+def test_a_counterbalanced_handle_counts_with_the_least_mass(lab):
+    keep(lab.folder, "gravity", gravity=-0.2)
+    keep(lab.folder, "inertia", mass=5.0)
+    found = stability._weighed(lab, stability.Settings())
     assert (found.nut_mass, found.handle_mass) == (4.95, 0.05)
