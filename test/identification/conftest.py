@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
+from screw_module_ros.identification import reproduce, study
 from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.plant.settings import load_world
 
@@ -19,3 +22,10 @@ def module():
 def bench(module):
     """The in-process bench on it."""
     return InProcessBench(module)
+
+
+@pytest.fixture
+def in_a_thread(monkeypatch):
+    """Have the commands do their trials in a thread; `test_lab.py` judges their processes."""
+    for command in (reproduce, study):
+        monkeypatch.setattr(command, "worker_pool", ThreadPoolExecutor)

@@ -30,7 +30,6 @@ from screw_module_ros.identification.report import (
 )
 from screw_module_ros.identification.results import DERIVED, Published, Quantity, Result
 
-pytestmark = pytest.mark.long
 TEN = Published(10.0, "5.2.4", 0.5)
 
 
@@ -76,16 +75,21 @@ def test_only_predictions_are_in_the_headline():
     assert report.headline.startswith("Predictions: 1 of 2 agree with the thesis, 0 more")
 
 
+WEIGHT = Criterion("gravity", "gravity", lambda m: 10.0, 0.3)
+MASS = Criterion("inertia", "mass", lambda m: 5.0, 0.1, True)
+LINE = Criterion("static_torque", "correlation", None, 0.9999)
+
+
 @pytest.mark.parametrize(
     ("wanted", "value", "truth", "met"),
     [
-        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), 10.29, 10.0, True),
-        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), 9.6, 10.0, False),
-        (Criterion("inertia", "mass", lambda m: 5.0, 0.1, True), 5.49, 5.0, True),
-        (Criterion("inertia", "mass", lambda m: 5.0, 0.1, True), 5.51, 5.0, False),
-        (Criterion("static_torque", "correlation", None, 0.9999), 0.99991, math.nan, True),
-        (Criterion("static_torque", "correlation", None, 0.9999), 0.99989, math.nan, False),
-        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), math.nan, 10.0, False),
+        (WEIGHT, 10.29, 10.0, True),
+        (WEIGHT, 9.6, 10.0, False),
+        (WEIGHT, math.nan, 10.0, False),
+        (MASS, 5.49, 5.0, True),
+        (MASS, 5.51, 5.0, False),
+        (LINE, 0.99991, math.nan, True),
+        (LINE, 0.99989, math.nan, False),
     ],
 )
 def test_what_is_wanted_is_checked(wanted, value, truth, met):
@@ -111,23 +115,22 @@ def test_values_are_written_as_people_do(value, spread, text):
 
 def test_every_kind_of_miss_is_named(module):
     worse = Result("compensation", (Quantity("ratio", 1.1, 0.1, "", "ratio"),), {})
-    play = Quantity("play", 0.0, math.nan, "m", "play")
     weighed = (
         quantity(5.0, thesis=TEN._replace(why="another planet")),
         quantity(6.0, thesis=TEN),
-        play,
+        Quantity("play", 0.0, math.nan, "m", "play"),
     )
     outcomes = {
         "inertia": Outcome(None, "the result of friction_model is needed", 0.1),
         "compensation": Outcome(worse, "", 0.1),
         "gravity": Outcome(Result("gravity", weighed, {}), "", 0.1),
     }
-    report = Report([Module(None, module, LoopSettings(), Path("."), outcomes)])
-    text = "\n".join(miss.text for miss in report.misses)
+    misses = Report([Module(None, module, LoopSettings(), Path("."), outcomes)]).misses
+    text = "\n".join(miss.text for miss in misses)
     for part in ("friction_model is needed", "no better", "another planet", "no explanation",
                  "truth 10.04"):  # fmt: skip
         assert part in text
-    assert [miss.serious for miss in report.misses] == [*[True] * 5, False]
+    assert [miss.serious for miss in misses] == [*[True] * 5, False]
 
 
 def test_criteria_name_experiments_that_exist(module):
@@ -146,38 +149,44 @@ def test_cells_cannot_break_a_table(tmp_path):
     assert "<td>x|y</td>" in html_page(text, tmp_path)
 
 
+def reproduced(folder, *words):
+    """Run the command; return its exit code and output."""
+    given = ["--folder", str(folder), "--workers", "1", *words]
+    done = CliRunner().invoke(reproduce.reproduce, given)
+    return done.exit_code, done.output
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("in_a_thread")
 def test_small_reproduction_from_the_command_line(tmp_path):
-    folder = tmp_path / "out"
     only = ["static_torque", "compliant_mounting"]
-    words = ["--folder", str(folder), "--seeds", "1", "--strict", "--workers", "1"]
-    for name in only:
-        words += ["--only", name]
-    done = CliRunner().invoke(reproduce.reproduce, words)
-    assert done.exit_code == 0, done.output
-    text = (folder / "report.md").read_text()
-    html = (folder / "report.html").read_text()
+    words = ["--seeds", "1", "--strict", *(word for name in only for word in ("--only", name))]
+    code, output = reproduced(tmp_path, *words)
+    assert code == 0, output
+    text, html = ((tmp_path / f"report.{end}").read_text() for end in ("md", "html"))
     for name in only:
         assert f"## {name}" in text
         assert f'<a href="#{name}">' in html and f'<h2 id="{name}">' in html
     assert text.index("## In short") < text.index("## Contents") < text.index("## Predictions")
     assert "probably a misprint of 2000" in text, "a known difference is named"
-    assert "seed 1" in text
+    assert "seed 1" in text and '<tr class="good">' in html
     figures = re.findall(r'<img src="([^"]+)"', html)
     assert len(figures) >= 5
     assert all(figure.startswith("data:image/png;base64,") for figure in figures), "one file"
-    assert '<tr class="good">' in html
-    parts = sorted((folder / "thesis" / "parts").rglob("*.npz"))
+    parts = sorted((tmp_path / "thesis" / "parts").rglob("*.npz"))
     times = [part.stat().st_mtime_ns for part in parts]
-    again = CliRunner().invoke(reproduce.reproduce, words)
-    assert again.exit_code == 0, again.output
+    assert reproduced(tmp_path, "--seeds", "0", "--only", "static_torque")[0] == 0
     assert [part.stat().st_mtime_ns for part in parts] == times, "finished trials are kept"
 
 
-def test_failure_of_an_experiment_is_reported_not_hidden(tmp_path):
-    words = ["--folder", str(tmp_path), "--seeds", "0", "--strict", "--workers", "1"]
-    done = CliRunner().invoke(reproduce.reproduce, [*words, "--only", "compensation"])
-    assert done.exit_code == 3
-    assert "is missing" in (tmp_path / "report.md").read_text()
+@pytest.mark.usefixtures("in_a_thread")
+def test_what_fails_is_reported_not_hidden(tmp_path):
+    code, _ = reproduced(tmp_path, "--seeds", "0", "--strict", "--only", "compensation")
+    assert code == 3 and "is missing" in (tmp_path / "report.md").read_text()
+    plant = tmp_path / "plant.yaml"
+    plant.write_text("vertical: 3\n")
+    code, output = reproduced(tmp_path / "o", "--plant", str(plant))
+    assert code == 1 and "plant.yaml" in output
 
 
 def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, bench):
@@ -187,12 +196,3 @@ def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, be
     assert reproduce._outcome(lab, "friction_model", "thesis").failure
     with pytest.raises(MissingResult):
         lab.result("friction_model")
-
-
-def test_bad_plant_file_is_told(tmp_path):
-    plant = tmp_path / "plant.yaml"
-    plant.write_text("vertical: 3\n")
-    words = ["--folder", str(tmp_path / "o"), "--plant", str(plant)]
-    done = CliRunner().invoke(reproduce.reproduce, words)
-    assert done.exit_code == 1
-    assert "plant.yaml" in done.output
