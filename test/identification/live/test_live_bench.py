@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the live bench that need no graph: a bag's samples, refusals, lease, feedback."""
+"""The parts of the live bench that need no graph: a bag's samples, refusals, lease."""
 
 from __future__ import annotations
 
-import math
 import shlex
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
@@ -20,7 +18,6 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.live import bench as live
 from screw_module_ros.identification.live.bench import LiveBench
-from screw_module_ros.identification.live.characterize import Feedback
 from screw_module_ros.identification.live.samples import Recorded, SamplesLost, Window, joined
 from screw_module_ros.identification.trials import (
     Cancelled,
@@ -74,86 +71,75 @@ def window(begin, end) -> Window:
 
 
 BEFORE, AFTER = window(0, 11), window(189, 200)  # mean ticks 5 and 194
+ALL = range(200)
+MOVED = 0.1 + SPEED * np.arange(20, 120) / RATE
+
+
+def without(*lost):
+    return [tick for tick in ALL if tick not in lost]
 
 
 class TestSamples:
-    def test_are_joined_by_tick_beyond_the_number_that_starts_again(self):
-        samples = bag(range(200)).samples(20, 100, BEFORE, AFTER)
-        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
+    @pytest.mark.parametrize(
+        ("ticks", "force_ticks"),
+        [
+            (ALL, ALL),
+            (without(40, 50, 51), without(60)),
+            (sorted([*ALL, 40, 41]), ALL),  # what comes twice counts once
+            ([*range(12), *range(20, 120), *range(180, 200)], ALL),  # lost outside of the trial
+        ],
+    )
+    def test_are_joined_by_tick_without_the_line_between_the_zeros(self, ticks, force_ticks):
+        """Also beyond the number that starts again. The readings of the force are that line."""
+        samples = bag(ticks, force_ticks).samples(20, 100, BEFORE, AFTER)
+        np.testing.assert_allclose(samples.position, MOVED)
         np.testing.assert_allclose(samples.velocity, SPEED)
         np.testing.assert_allclose(samples.time, np.arange(100) / RATE)
+        np.testing.assert_allclose([samples.force, samples.torque], 0.0, atol=1e-9)
         assert np.isnan(samples.current).all() and not samples.command.any()
 
-    def test_are_without_the_line_between_the_zeros(self):
-        """The readings are that line."""
-        samples = bag(range(200)).samples(20, 100, BEFORE, AFTER)
-        np.testing.assert_allclose(samples.force, 0.0, atol=1e-9)
-        np.testing.assert_allclose(samples.torque, 0.0, atol=1e-9)
-        offset = forces(range(200))
+    def test_keep_what_is_beyond_that_line(self):
+        offset = forces(ALL)
         offset["fz"] = offset["fz"] + np.where(np.arange(200) % 189 < 20, 0.0, 3.0)
-        samples = bag(range(200), force=offset).samples(20, 100, BEFORE, AFTER)
+        samples = bag(ALL, force=offset).samples(20, 100, BEFORE, AFTER)
         np.testing.assert_allclose(samples.force, 3.0, atol=1e-9)
-
-    def test_bridge_lost_ticks(self):
-        kept = [tick for tick in range(200) if tick not in {40, 50, 51}]
-        found = bag(kept, [tick for tick in range(200) if tick != 60])
-        samples = found.samples(20, 100, BEFORE, AFTER)
-        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
-        np.testing.assert_allclose(samples.force, 0.0, atol=1e-9)
 
     def test_that_are_late_do_not_make_the_handle_tremble(self):
         late = np.random.default_rng(1).integers(0, 2_000_000, 200)
-        samples = bag(range(200), late_ns=late).samples(20, 100, BEFORE, AFTER)
+        samples = bag(ALL, late_ns=late).samples(20, 100, BEFORE, AFTER)
         np.testing.assert_allclose(np.diff(samples.position), SPEED / RATE, rtol=1e-6)
 
-    def test_that_come_twice_count_once(self):
-        samples = bag(sorted([*range(200), 40, 41])).samples(20, 100, BEFORE, AFTER)
-        np.testing.assert_allclose(samples.position, 0.1 + SPEED * np.arange(20, 120) / RATE)
-
     @pytest.mark.parametrize(
-        ("ticks", "force_ticks", "said"),
+        ("ticks", "force_ticks", "before", "said"),
         [
-            ([*range(60), *range(80, 200)], range(200), "encoder: .* with a gap of 105 ms"),
-            (range(200), [t for t in range(200) if t % 10 != 3 or t > 150],
+            # At an end of the trial too: half a sine, or a frictionless half of the screw.
+            ([*range(60), *range(80, 200)], ALL, BEFORE, "encoder: .* with a gap of 105 ms"),
+            (ALL, [t for t in ALL if t % 10 != 3 or t > 150], BEFORE,
              "force sensor: 10.0 % of the samples"),
-            (range(200), [*range(100), *range(189, 200)], "force sensor: .*gap of 105 ms"),
-            (range(200), [*range(11), *range(41, 200)], "force sensor: .*gap of 110 ms"),
+            (ALL, [*range(100), *range(189, 200)], BEFORE, "force sensor: .*gap of 105 ms"),
+            (ALL, [*range(11), *range(41, 200)], BEFORE, "force sensor: .*gap of 110 ms"),
+            (ALL, ALL, window(300, 400), "of the unloaded handle"),
+            ([], range(9), BEFORE, "encoder: not one"),
+            (range(9), [], BEFORE, "force sensor: not one"),
         ],
     )  # fmt: skip
-    def test_that_are_missing_are_refused(self, ticks, force_ticks, said):
-        """At an end of the trial too: half a sine, or a frictionless half of the screw."""
+    def test_that_are_missing_are_refused(self, ticks, force_ticks, before, said):
         with pytest.raises(SamplesLost, match=said):
-            bag(list(ticks), list(force_ticks)).samples(20, 100, BEFORE, AFTER)
-
-    def test_outside_of_the_trial_may_be_missing(self):
-        found = bag([*range(12), *range(20, 120), *range(180, 200)])
-        assert len(found.samples(20, 100, BEFORE, AFTER).time) == 100
+            bag(list(ticks), list(force_ticks)).samples(20, 100, before, AFTER)
 
     def test_with_a_fault_of_the_sensor_are_lost(self):
         bad = np.where((np.arange(200) >= 50) & (np.arange(200) < 90), 1 << 6, 0)
         with pytest.raises(SamplesLost, match="force sensor: 40.0 %"):
-            bag(range(200), force=forces(range(200), bad)).samples(20, 100, BEFORE, AFTER)
-
-    @pytest.mark.parametrize(
-        ("ticks", "force_ticks", "said"),
-        [([], range(9), "encoder: not one"), (range(9), [], "force sensor: not one")],
-    )
-    def test_of_nothing_say_so(self, ticks, force_ticks, said):
-        with pytest.raises(SamplesLost, match=said):
-            bag(list(ticks), list(force_ticks))
-
-    def test_need_a_zero(self):
-        with pytest.raises(SamplesLost, match="of the unloaded handle"):
-            bag(range(200)).samples(20, 100, window(300, 400), AFTER)
+            bag(ALL, force=forces(ALL, bad)).samples(20, 100, BEFORE, AFTER)
 
     def test_have_each_command_until_the_next(self):
-        found = bag(range(200), commands=[(23, 5.0), (26, -2.0)])
+        found = bag(ALL, commands=[(23, 5.0), (26, -2.0)])
         samples = found.samples(20, 10, BEFORE, AFTER, lambda force: 2.0 * force)
         np.testing.assert_array_equal(samples.command, [0, 0, 0, 10, 10, 10, -4, -4, -4, -4])
 
     def test_begin_at_a_time(self):
-        assert bag(range(200)).tick_at(stamp(40)) == 40
-        assert bag(range(200)).tick_at(stamp(40) + 1_000_000) == 41
+        assert bag(ALL).tick_at(stamp(40)) == 40
+        assert bag(ALL).tick_at(stamp(40) + 1_000_000) == 41
 
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
@@ -163,13 +149,13 @@ def test_the_first_tick_of_a_sine_is_found_though_its_commands_are_lost(lost):
         (50 + tick, torque_to_force(sine.torque(tick, RATE)))
         for tick in range(40) if not 1 <= tick <= lost
     ]  # fmt: skip
-    found = bag(range(200), commands=[(30, 7.0), (31, 0.0), *commands])
+    found = bag(ALL, commands=[(30, 7.0), (31, 0.0), *commands])
     assert live.first_tick(found, stamp(45), sine) == 50
 
 
 def test_a_sine_that_was_never_commanded_is_an_error():
     with pytest.raises(RobotError, match="did not start"):
-        live.first_tick(bag(range(200)), stamp(45), Excitation(1, 0.3, 10.0, 40))
+        live.first_tick(bag(ALL), stamp(45), Excitation(1, 0.3, 10.0, 40))
 
 
 def test_the_stage_begins_where_the_nut_moves():
@@ -194,16 +180,19 @@ class TestRefusals:
         with pytest.raises(NotPossible, match=said):
             live.excitation_of(trial, RATE)
 
-    def test_sensors_with_another_clock(self):
-        given = {"rate": 1000.0, "use_sim_time": True}
-        robot = SimpleNamespace(clock=WallClock(), parameters=lambda node, names: given)
-        with pytest.raises(NotPossible, match="encoder runs with use_sim_time true"):
-            live.common_rate(robot)
-
-    def test_a_screw_with_another_lead(self):
-        robot = SimpleNamespace(parameters=lambda node, names: {"lead": 0.025})
-        with pytest.raises(NotPossible, match="amplifier runs with a lead of 25 mm"):
-            live.check_screw(robot, "amplifier")
+    @pytest.mark.parametrize(
+        ("check", "parameters", "said"),
+        [
+            (live.common_rate, {"rate": 1000.0, "use_sim_time": True},
+             "encoder runs with use_sim_time true"),
+            (lambda robot: live.check_screw(robot, "amplifier"), {"lead": 0.025},
+             "amplifier runs with a lead of 25 mm"),
+        ],
+    )  # fmt: skip
+    def test_sensors_with_another_clock_or_screw(self, check, parameters, said):
+        robot = SimpleNamespace(clock=WallClock(), parameters=lambda node, names: parameters)
+        with pytest.raises(NotPossible, match=said):
+            check(robot)
 
     def test_a_handle_elsewhere_than_the_encoder_shows_names_home_and_lead(self):
         robot = SimpleNamespace(newest=lambda kind: kind(position=0.205))
@@ -227,54 +216,6 @@ class TestRefusals:
         trial = MotionTrial(FORCE_FEEDBACK, VerticalSettings())._replace(**change)
         with pytest.raises(NotPossible, match=said):
             made(simulated=simulated).record(trial, lambda share: None)
-
-
-class TestFeedback:
-    @pytest.fixture
-    def told(self):
-        return []
-
-    @pytest.fixture
-    def feedback(self, told):
-        self.clock = ManualClock(100_000_000_000)
-        goal = SimpleNamespace(
-            publish_feedback=lambda m: told.append((m.progress, m.remaining, m.doing))
-        )
-        return Feedback(goal, RunExperiment.Feedback, lambda: None, self.clock)
-
-    def test_estimates_from_the_pace_so_far(self, feedback, told):
-        feedback.say("stage")
-        feedback.progress("map", 0.0, 40.0)
-        self.clock.sleep(30.0)
-        feedback.progress("map", 10.0, 40.0)
-        progress, remaining, doing = told[-1]
-        assert (progress, doing) == (0.25, "stage")
-        assert remaining == pytest.approx(30.0 * (30.0 + 10.0) / (10.0 + 10.0))
-
-    def test_what_was_kept_from_before_does_not_count(self, feedback, told):
-        feedback.progress("map", 20.0, 40.0)
-        self.clock.sleep(10.0)
-        feedback.progress("map", 25.0, 40.0)
-        assert told[-1][1] == pytest.approx(15.0 * (10.0 + 10.0) / (5.0 + 10.0))
-
-    def test_is_not_told_too_often(self, feedback, told):
-        for step in range(100):
-            self.clock.sleep(0.01)
-            feedback.progress("map", step, 100.0)
-        assert 4 <= len(told) <= 6
-
-    def test_hears_of_a_cancellation(self, feedback):
-        def cancelled():
-            raise Cancelled
-
-        feedback._watch = cancelled
-        with pytest.raises(Cancelled):
-            feedback.progress("map", 0.0, 1.0)
-
-    def test_of_nothing_to_do(self, feedback, told):
-        feedback.progress("map", 0.0, 0.0)
-        assert told[-1][0] == 1.0
-        assert math.isfinite(told[-1][1])
 
 
 def test_an_enabled_drive_is_refused_with_the_whole_command():
