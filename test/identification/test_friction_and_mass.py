@@ -244,13 +244,6 @@ def test_the_shift_finds_a_force_that_comes_late():
     assert np.nanmean(found.mass) == pytest.approx(5.49, rel=0.01)
 
 
-def test_velocity_and_acceleration_have_no_delay():
-    time = np.arange(6000) / 2000.0
-    record = motion(time, 0.1 * np.sin(6.0 * time), np.zeros(6000))
-    assert record.velocity == pytest.approx(0.6 * np.cos(6.0 * record.time), abs=2e-3)
-    assert record.acceleration == pytest.approx(-3.6 * np.sin(6.0 * record.time), abs=2e-2)
-
-
 def test_slow_and_unaccelerated_samples_are_left_out(tmp_path):
     velocity = np.array([0.019, 0.02, -0.5, 0.5])
     acceleration = np.array([3.0, 3.0, -3.0, 0.002])

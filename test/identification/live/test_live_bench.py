@@ -127,6 +127,11 @@ class TestSamples:
         with pytest.raises(SamplesLost, match=said):
             bag(list(ticks), list(force_ticks)).samples(20, 100, before, AFTER)
 
+    def test_with_one_long_gap_are_refused_however_few_are_lost(self):
+        found = bag([*range(60), *range(80, 2000)])
+        with pytest.raises(SamplesLost, match="encoder: 1.1 % of the samples .* gap of 105 ms"):
+            found.samples(20, 1900, BEFORE, window(1989, 2000))
+
     def test_with_a_fault_of_the_sensor_are_lost(self):
         bad = np.where((np.arange(200) >= 50) & (np.arange(200) < 90), 1 << 6, 0)
         with pytest.raises(SamplesLost, match="force sensor: 40.0 %"):
