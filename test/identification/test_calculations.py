@@ -18,9 +18,7 @@ from screw_module_ros.identification.back_drive import (
     LEVEL,
     Belt,
     Wedge,
-    anisotropy,
     bandwidth,
-    chosen,
     gain,
     least_anisotropy,
     mode,
@@ -41,11 +39,6 @@ BELT = Belt(1e-3, 3e-3, 0.5, 0.02, 0.05)
 
 
 @pytest.fixture(scope="module")
-def mounted():
-    return mounting.run(None, MOUNTING)
-
-
-@pytest.fixture(scope="module")
 def driven():
     return back_drive.run(None, DRIVE)
 
@@ -56,20 +49,14 @@ def test_a_thin_bar_on_equal_springs_has_the_textbook_frequencies():
     assert found == pytest.approx(expected)
 
 
-def test_springs_and_lengths_for_a_wanted_frequency_give_it(mounted):
-    softest = mounted.value("case2_softest")
+def test_springs_and_lengths_for_a_wanted_frequency_give_it():
+    softest = mounting.run(None, MOUNTING).value("case2_softest")
     again = mounting.run(None, MOUNTING._replace(case2_top=softest, case2_bottom=softest))
     assert again.value("case2_frequency_least") == pytest.approx(MOUNTING.wanted)
     half = mounting.half_length_for(MOUNTING)
     thin = Bar(3 * MOUNTING.inertia_across / half**2, 2 * half, 0.0)
     frequencies = mounting.case1(thin, mounting.positions(MOUNTING), MOUNTING)[1]
     assert frequencies.min() == pytest.approx(500.0)
-
-
-def test_the_dip_is_where_the_top_mass_resonates_on_its_two_springs(mounted):
-    expected = math.sqrt((MOUNTING.case3_top + MOUNTING.case3_ground) / MOUNTING.top_mass)
-    assert mounted.value("case3_antiresonance") == pytest.approx(expected)
-    assert mounted.value("case3_resonance_low") < expected < mounted.value("case3_resonance_high")
 
 
 @pytest.mark.parametrize("z", [0.0, 0.1, -0.15])
@@ -162,16 +149,6 @@ def test_the_gain_is_that_of_the_equations_of_motion_and_ends_at_the_level(belt)
     assert gain(belt, np.array([1.5 * omega])) < LEVEL
 
 
-def test_chosen_parameters_give_what_is_printed():
-    belt = chosen()
-    undamped, tenth = (
-        belt._replace(ground=0.0, damping=share * belt.damping) for share in (0.0, 0.1)
-    )
-    assert mode(undamped) == pytest.approx((3.0, 0.0))
-    assert mode(tenth)[1] == pytest.approx(0.446)
-    assert (bandwidth(undamped), bandwidth(belt)) == pytest.approx((10.6, 40.0))
-
-
 def test_links_at_a_right_angle_feel_like_two_masses():
     found = tensor(*forward(0.0, math.pi / 2, ARM))
     expected = (JOINTS.elbow / ARM.forearm**2, JOINTS.shoulder / ARM.upper_arm**2)
@@ -192,9 +169,3 @@ def test_a_mass_at_the_tip_adds_every_way_and_evens_out(driven):
     assert data["axes_laden"] == pytest.approx(data["axes_bare"] + DRIVE.module_mass)
     assert (data["anisotropy_laden"] < data["anisotropy_bare"]).all()
     assert 0.98 * least < least_anisotropy() <= least * (1.0 + 1e-3), "no place in reach is rounder"
-
-
-def test_anisotropy_does_not_depend_on_the_way_the_arm_points():
-    near = [forward(turn, turn + 1.2, ARM) for turn in (0.1, 0.9, 2.0)]
-    found = anisotropy(np.array([tensor(*point) for point in near]))
-    assert np.ptp(found) == pytest.approx(0.0, abs=1e-9)

@@ -123,17 +123,31 @@ def test_the_softest_mount_of_appendix_a_costs_most_of_the_gain():
     assert "the mount" in stability.limits(soft, HAND, Sampling(), FEEDBACK_LAW)
 
 
+GAIN = USUAL.observer_gain
+LIGHT = Mechanism(nut_mass=3.6)
+CARRYING = MOVING._replace(settings=USUAL._replace(observer_inertia=KNOWN_SHARE))
+
+
 @pytest.mark.parametrize(
-    ("environment", "sampling", "gain"),
+    ("mechanism", "environment", "sampling", "law", "low", "high"),
     [
-        (HAND, Sampling(2000.0, 0.385e-3), 22.1),
-        (HAND, Sampling(1000.0, 1.26e-3), 14.7),
-        (HEAVY, Sampling(1000.0, 1.26e-3), 5.5),
+        # Found by another program, which also had the amplifier's 0.22 ms of lag.
+        (BARE, HAND, Sampling(2000.0, 0.385e-3), FEEDBACK_LAW, 0.9 * 22.1, 1.1 * 22.1),
+        (BARE, HAND, Sampling(1000.0, 1.26e-3), FEEDBACK_LAW, 0.9 * 14.7, 1.1 * 14.7),
+        (BARE, HEAVY, Sampling(1000.0, 1.26e-3), FEEDBACK_LAW, 0.9 * 5.5, 1.1 * 5.5),
+        # OBSERVER's default gain has a margin. With a rigid mount; carrying: all of the carried
+        # mass in, which the observer takes 0.9 kg too large.
+        (Mechanism(), HAND, Sampling(), MOVING, 2.0 * GAIN, math.inf),
+        (LIGHT, HAND, Sampling(), MOVING, 2.0 * GAIN, math.inf),
+        (LIGHT, HAND, Sampling(), CARRYING, 2.0 * GAIN, math.inf),
+        (Mechanism(), HEAVY, Sampling(), MOVING, 1.2 * GAIN, math.inf),
+        (LIGHT, HEAVY, Sampling(), MOVING, 1.2 * GAIN, math.inf),
+        (LIGHT, HEAVY, Sampling(), CARRYING, 1.2 * GAIN, math.inf),
+        (Mechanism(), Arm(1.0, 1e5, 30.0), Sampling(), FEEDBACK_LAW, 0.0, 1.0),
     ],
 )
-def test_published_study_of_this_loop(environment, sampling, gain):
-    """Cases found by another program, which also had the amplifier's 0.22 ms of lag."""
-    assert largest_gain(BARE, environment, sampling, FEEDBACK_LAW) == pytest.approx(gain, rel=0.1)
+def test_largest_gain(mechanism, environment, sampling, law, low, high):
+    assert low < largest_gain(mechanism, environment, sampling, law) < high
 
 
 @pytest.mark.parametrize("mass", [3.0, 10.0, 30.0])
@@ -168,15 +182,6 @@ def test_the_damping_of_a_soft_grip_decides_alone():
         assert largest_gain(*other, MOVING) == pytest.approx(usual, rel=0.1)
     damped = largest_gain(Mechanism(), grip._replace(damping=60.0), Sampling(), MOVING)
     assert damped > 5.0 * usual
-
-
-def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
-    """With a rigid mount; all of the carried mass in, which the observer takes 0.9 kg too large."""
-    light = Mechanism(nut_mass=3.6)
-    carrying = MOVING._replace(settings=MOVING.settings._replace(observer_inertia=KNOWN_SHARE))
-    for environment, margin in ((HAND, 2.0), (HEAVY, 1.2)):
-        for mechanism, law in ((Mechanism(), MOVING), (light, MOVING), (light, carrying)):
-            assert largest_gain(mechanism, environment, Sampling(), law) > margin * law.gain
 
 
 def test_what_limits_is_what_helps_most_when_taken_away():

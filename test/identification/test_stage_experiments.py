@@ -22,7 +22,6 @@ from screw_module_ros.identification.stage_runs import (
     cutoff_hz,
     lowpass_taps,
     steady_part,
-    zero_phase,
 )
 from screw_module_ros.identification.trials import Samples, StageTrial
 
@@ -81,12 +80,6 @@ def test_the_filter_passes_a_decade_and_stops_30_hz_above(speed, rate):
     time = np.arange(len(taps)) / rate
     gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, time)) @ taps)
     assert gain == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-3)
-
-
-def test_the_filter_does_not_delay():
-    slow = np.sin(2.0 * np.pi * 3.0 * np.arange(8000) / RATE)
-    smooth = zero_phase(slow, lowpass_taps(0.02, RATE))
-    assert smooth[300:-300] == pytest.approx(slow[300:-300], abs=1e-4)
 
 
 def test_a_nut_that_does_not_follow_the_stage_is_refused():

@@ -14,7 +14,6 @@ from screw_module_ros.identification.results import load_result
 from screw_module_ros.identification.static_torque import (
     commands,
     desired_torque,
-    fit_pieces,
     linearization_of,
 )
 
@@ -101,16 +100,6 @@ def test_the_map_undoes_the_amplifier(tmp_path):
         assert SOFT.torque(command) == pytest.approx(torque, abs=0.002)
 
 
-def test_three_pieces_are_found_again():
-    truth = default_linearization()
-    torque = 0.3 * np.sin(np.linspace(0.0, 2.0 * np.pi, 4000))
-    assert desired_torque(truth, commands(truth, torque)) == pytest.approx(torque, abs=1e-6)
-    noise = np.random.default_rng(2).normal(0.0, 1e-4, torque.size)
-    fit = fit_pieces(torque, commands(truth, torque) + noise)
-    joints, lower, middle, upper = fit.linearization
-    assert joints == pytest.approx(truth.joints_Nm, abs=2e-4)
-    offsets = [truth.lower.offset_Nm, truth.upper.offset_Nm]
-    assert [lower.offset_Nm, upper.offset_Nm] == pytest.approx(offsets, abs=2e-4)
-    assert upper.slope == pytest.approx(1.0, abs=1e-3)
-    assert middle[0] == pytest.approx(truth.middle[0], rel=0.03)
-    assert abs(joints[1] - 0.025) < 4.0 * fit.joint_errors[1] < 1e-3
+def test_desired_torque_is_the_inverse_of_the_map():
+    torque, line = np.linspace(-0.4, 0.4, 1001), default_linearization()
+    assert desired_torque(line, commands(line, torque)) == pytest.approx(torque, abs=1e-6)

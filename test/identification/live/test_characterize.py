@@ -7,12 +7,15 @@ import json
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
-from live_graph import AS_FAST_AS_IT_GOES, characterize, operated
 from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState, ForceCommand, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
@@ -56,17 +59,18 @@ class Goal:
             lambda: any(doing in told.doing for told in self.told), 20.0, f"never said {doing!r}"
         )
 
-    def result(self) -> tuple[int, RunExperiment.Result]:
-        """Wait for the end; return status and result."""
+    def result(self, status: int = GoalStatus.STATUS_SUCCEEDED) -> RunExperiment.Result:
+        """Wait for the end, with this status; return the result."""
         future = self.handle.get_result_async()
         self._robot.wait_until(future.done, 60.0, "no result")
-        return future.result().status, future.result().result
+        result = future.result().result
+        assert future.result().status == status, result.message
+        assert result.success == (status == GoalStatus.STATUS_SUCCEEDED)
+        return result
 
     def refusal(self) -> str:
-        """Wait for the end, which must be an abort without a result; return the message."""
-        status, result = self.result()
-        assert (status, result.success, result.result) == (GoalStatus.STATUS_ABORTED, False, "")
-        return result.message
+        """Wait for the end, which must be an abort; return the message."""
+        return self.result(GoalStatus.STATUS_ABORTED).message
 
 
 class Bench:
@@ -78,13 +82,6 @@ class Bench:
 
     def goal(self, name: str, folder: Any = "", **settings: Any) -> Goal:
         return Goal(self.robot, self.client, name, folder, **settings)
-
-    def done(self, name: str, folder: Any, **settings: Any) -> tuple[RunExperiment.Result, Goal]:
-        """Let an experiment succeed."""
-        goal = self.goal(name, folder, **settings)
-        status, result = goal.result()
-        assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
-        return result, goal
 
     def kill(self) -> None:
         """End `characterize` with SIGKILL."""
@@ -127,22 +124,76 @@ class Bench:
     def check_put_back(self) -> None:
         """Everything as found: parameters, torque off, nothing latched, nothing recorded."""
         robot = self.robot
+
+        def calm() -> bool:
+            controller = robot.state(ImpedanceState)
+            permitted = robot.newest(SafetyState).level == SafetyState.OK
+            return permitted and controller is not None and not controller.faulted
+
         robot.wait_until(lambda: not self.goals_in_time(), 10.0, "an experiment holds time")
         assert self.settings() == self.found
         assert not robot.call(Trigger, "session_recorder/stop").success
-        robot.wait_until(
-            lambda: robot.newest(SafetyState).level == SafetyState.OK,
-            10.0,
-            "the supervisor does not permit motion again",
-        )
+        robot.wait_until(calm, 10.0, "no permission again, or the controller is in fault")
         state = robot.newest(AmplifierState)
         assert (state.enabled, state.faulted, state.commanded_torque) == (False, False, 0.0)
         assert state.calibration != "none"
-        robot.wait_until(
-            lambda: (state := robot.state(ImpedanceState)) and not state.faulted,
-            10.0,
-            "the controller is in fault",
-        )
+
+
+@contextmanager
+def own_node() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+    """Give a node served by the thread that sends the goals.
+
+    rclpy's action client loses a response that comes before `send_goal_async` has returned.
+    """
+    context = Context()
+    context.init()
+    node = Node("goals", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield node, executor
+    executor.shutdown(timeout_sec=1.0)
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@contextmanager
+def operated(graph: GraphRun) -> Iterator[tuple[Robot, ActionClient]]:
+    """Give an operator, the robot homed, and a client of `characterize` beside a graph."""
+    with own_node() as (node, executor):
+
+        def watch() -> None:
+            graph.watch()
+            executor.spin_once(timeout_sec=0.0)
+
+        with Robot("tester", watch=watch, simulated=True) as robot:
+            robot.wait_until_ready([*graph.names, "characterize"])
+            graph.wait_until_ready(robot, lambda waiting: None)
+            robot.clear_faults()
+            robot.home()
+            client = ActionClient(node, RunExperiment, "characterize/run")
+            robot.wait_until(client.server_is_ready, 20.0, "no action")
+            yield robot, client
+            client.destroy()
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory) -> Iterator[Bench]:
+    """Return the operator beside a running graph and `characterize`; all must end in order."""
+    folder = tmp_path_factory.getbasetemp()
+    fast = ["-p", "sim_rig:speed:=0.0", *recordings_in(folder / "bags")]
+    with GraphRun(extra=fast, without=["endpoint_state"], composed=True) as graph:
+        given = ["--ros-args", "-p", "use_sim_time:=true", "-p", f"folder:={folder}"]
+        process = Process("characterize", given)
+        try:
+            with operated(graph) as (robot, client):
+                made = Bench(robot, client, process)
+                yield made
+                process = made.process
+        finally:
+            code = process.stop()
+        codes = graph.stop()
+    assert code == 0
+    assert set(codes.values()) == {0}
 
 
 @pytest.fixture
@@ -152,62 +203,18 @@ def bench(running: Bench) -> Bench:
     return running
 
 
-@pytest.fixture(scope="module")
-def running(tmp_path_factory) -> Iterator[Bench]:
-    """Return the operator beside a running graph and `characterize`; all must end in order."""
-    folder = tmp_path_factory.getbasetemp()
-    extra = [*AS_FAST_AS_IT_GOES, *recordings_in(folder / "bags")]
-    with GraphRun(extra=extra, without=["endpoint_state"], composed=True) as graph:
-        ours = characterize(folder)
-        try:
-            with operated(graph) as (robot, client):
-                made = Bench(robot, client, ours)
-                yield made
-                ours = made.process
-        finally:
-            code = ours.stop()
-        codes = graph.stop()
-    assert code == 0
-    assert set(codes.values()) == {0}
-
-
-def test_an_empty_name_lists_the_experiments(bench):
-    status, result = bench.goal("").result()
-    assert status == GoalStatus.STATUS_SUCCEEDED
-    assert result.success
-    assert "static_torque" in result.message
-    assert "thesis 4.1.1" in result.message
-
-
-def test_bad_goals_are_refused_in_a_sentence(bench, tmp_path):
+def test_experiments_are_listed_and_what_is_not_there_is_refused(bench, tmp_path):
+    assert "static_torque" in bench.goal("").result().message
     assert "no experiment 'juggling'; there are" in bench.goal("juggling", tmp_path).refusal()
-    said = bench.goal("static_torque", tmp_path, amplitude=5.0).refusal()
-    assert "amplitude = 5.0 Nm: above the largest allowed" in said
-    assert "folder is empty" in bench.goal("static_torque").refusal()
-    for outside in ("/proc/nothing", "../x", tmp_path / "link/x"):
-        (tmp_path / "link").unlink(missing_ok=True)
-        (tmp_path / "link").symlink_to("/tmp")
-        assert "lies outside of" in bench.goal("static_torque", outside).refusal()
-    (tmp_path / "file").write_text("")
-    assert "cannot be written" in bench.goal("static_torque", tmp_path / "file").refusal()
-    (tmp_path / "static_torque.npz").symlink_to("/nonexistent")
-    assert "never overwritten" in bench.goal("static_torque", tmp_path).refusal()
-    (tmp_path / "static_torque.npz").unlink()
-    assert "needs the result of friction_map" in bench.goal("gravity", tmp_path).refusal()
     assert "signal analyser" in bench.goal("amplifier_response", tmp_path).refusal()
 
 
-def test_the_wrong_mounting_is_refused_with_the_way_out(bench, tmp_path):
+def test_the_wrong_mounting_and_an_enabled_amplifier_are_refused(bench, tmp_path):
     bench.fix("human_arm")
     said = bench.goal("friction_map", tmp_path).refusal()
     assert "not on the positioning stage but on 'human_arm': ros2 service call" in said
     said = bench.goal("static_torque", tmp_path).refusal()
-    assert "the rotor is not locked" in said
-    assert "fixture: locked_rotor" in said
-    bench.check_put_back()
-
-
-def test_an_enabled_amplifier_is_refused(bench, tmp_path):
+    assert "the rotor is not locked" in said and "fixture: locked_rotor" in said
     bench.fix("stage")
     bench.robot.permit()
     bench.robot.enable()
@@ -221,9 +228,9 @@ def test_an_enabled_amplifier_is_refused(bench, tmp_path):
 def test_static_torque(bench, tmp_path):
     """The dead zone through the whole graph, and everything as it was afterwards."""
     bench.fix("locked_rotor")
-    result, goal = bench.done("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
+    goal = bench.goal("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
+    result, found = goal.result(), load_result(tmp_path, "static_torque")
     assert result.message == f"static_torque is done: {tmp_path}"
-    found = load_result(tmp_path, "static_torque")
     assert result.result == found.as_yaml()
     assert result.files == [str(tmp_path / f"static_torque{end}") for end in (".yaml", ".npz")]
     assert found.value("torque_constant") == pytest.approx(0.16, rel=0.05)
@@ -233,7 +240,7 @@ def test_static_torque(bench, tmp_path):
 
 
 def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
-    """Mid-way in the second trial; a second goal meanwhile is refused, the first part is kept."""
+    """Within the first trial; a second goal meanwhile is refused."""
     robot = bench.robot
     bench.fix("locked_rotor")
     goal = bench.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
@@ -246,8 +253,7 @@ def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
     )
     assert not bench.goal("static_torque", tmp_path).handle.accepted
     goal.handle.cancel_goal_async()
-    status, result = goal.result()
-    assert (status, result.success) == (GoalStatus.STATUS_CANCELED, False)
+    result = goal.result(GoalStatus.STATUS_CANCELED)
     assert result.message == f"cancelled; what was finished is kept in {tmp_path}"
     bench.check_put_back()
 
@@ -283,7 +289,7 @@ def test_observer_delivers_on_the_graph_what_it_does_in_process(bench, tmp_path)
     """
     bench.fix("human_arm")
     chosen = {"modes": (OBSERVER,), "cases": ("small",), "side_force": 0.0}
-    bench.done("force_error", tmp_path, **chosen)
+    bench.goal("force_error", tmp_path, **chosen).result()
     loop = LoopSettings(rate=1000.0, command_delay=RigSettings().command_latency)
     here = force_error.run(Lab(BySensors(load_world(), loop), tmp_path / "in_process"),
                            force_error.Settings(**chosen))  # fmt: skip
@@ -298,9 +304,10 @@ def test_observer_delivers_on_the_graph_what_it_does_in_process(bench, tmp_path)
 def test_friction_at_one_speed(bench, tmp_path):
     """The stage up and down over a few centimetres; the maps of the thesis lie at 13 to 23 N."""
     bench.fix("stage")
-    _, goal = bench.done(
+    goal = bench.goal(
         "friction_map", tmp_path, speeds=[0.06], inverted_speeds=[], low=0.135, high=0.165
     )
+    goal.result()
     found = load_result(tmp_path, "friction_map")
     assert found.value("mean_up") == pytest.approx(18.0, abs=4.0)
     assert abs(found.value("mean_down")) < 4.0
