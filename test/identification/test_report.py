@@ -183,6 +183,7 @@ def test_small_reproduction_from_the_command_line(tmp_path):
 def test_what_fails_is_reported_not_hidden(tmp_path):
     code, _ = reproduced(tmp_path, "--seeds", "0", "--strict", "--only", "compensation")
     assert code == 3 and "is missing" in (tmp_path / "report.md").read_text()
+    assert (tmp_path / "thesis").is_dir() and not list(tmp_path.glob("seed_*"))
     plant = tmp_path / "plant.yaml"
     plant.write_text("vertical: 3\n")
     code, output = reproduced(tmp_path / "o", "--plant", str(plant))

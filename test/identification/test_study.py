@@ -53,6 +53,10 @@ def test_an_obstacle_that_is_not_felt_is_pressed_with_what_the_module_gives():
     assert hand - spring - 16.0 < pressed < hand - spring  # friction of 16 N at most
 
 
+def test_a_mode_that_is_changed_at_rest_makes_no_sudden_force():
+    assert measured("A", 1, modes.OBSERVER, "mode changed at rest")["sudden"] < WANTED["sudden"]
+
+
 def test_reaches_are_as_fast_as_their_names():
     way, seconds = study._REACHES["reach 1 m/s, 10 m/s2"]
     path = CASES["reach 1 m/s, 10 m/s2"].trial(5, None).path
