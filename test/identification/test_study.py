@@ -39,22 +39,21 @@ def test_every_case_has_figures_that_are_known():
     assert {figure for names in shown for figure in names} == set(FIGURES)
 
 
-def test_a_plain_spring_shows_its_friction_and_an_observer_takes_it_away():
-    plain = measured("A", 1, modes.IMPEDANCE, "small")
-    observed = measured("A", 1, modes.OBSERVER, "small")
-    assert plain["rms"] > 4.0 > 1.0 > observed["rms"]
-    assert plain["share"] == 1.0
-
-
-def test_an_obstacle_that_is_not_felt_is_pressed_with_what_the_module_gives():
-    """In mode 1 spring and hand press, less the friction; the transducer feels the hand alone."""
-    pressed = measured("A", 1, modes.IMPEDANCE, "obstacle, not felt")["pressed"]
-    hand, spring = 300.0 * (0.12 - 0.02), 100.0 * 0.02
-    assert hand - spring - 16.0 < pressed < hand - spring  # friction of 16 N at most
-
-
-def test_a_mode_that_is_changed_at_rest_makes_no_sudden_force():
-    assert measured("A", 1, modes.OBSERVER, "mode changed at rest")["sudden"] < WANTED["sudden"]
+@pytest.mark.parametrize(
+    ("mode", "case", "figure", "low", "high"),
+    [
+        # A plain spring shows its friction, and an observer takes it away.
+        (modes.IMPEDANCE, "small", "rms", 4.0, 20.0),
+        (modes.IMPEDANCE, "small", "share", 1.0, 1.0),
+        (modes.OBSERVER, "small", "rms", 0.0, 1.0),
+        # In mode 1 hand (30 N) and spring (2 N) press, less the friction, of 16 N at most; the
+        # transducer feels the hand alone.
+        (modes.IMPEDANCE, "obstacle, not felt", "pressed", 12.0, 28.0),
+        (modes.OBSERVER, "mode changed at rest", "sudden", 0.0, 5.0),
+    ],
+)
+def test_figures_of_a_case(mode, case, figure, low, high):
+    assert low <= measured("A", 1, mode, case)[figure] <= high
 
 
 def test_reaches_are_as_fast_as_their_names():
