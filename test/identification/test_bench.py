@@ -132,6 +132,13 @@ def test_torque_sine_reaches_the_transducer_in_per_mille_of_the_rated_torque(ben
     assert np.isfinite(samples.current).all()
 
 
+def test_the_transducer_has_the_noise_of_its_settings(bench):
+    slow = bench.record(TorqueTrial(1.0, 0.05, 1.0), quietly).torque
+    assert np.diff(slow).std() / np.sqrt(2.0) == pytest.approx(
+        bench.world.sensor.torque_noise, rel=0.1
+    )
+
+
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
 def test_other_rates(bench, rate):
     samples = bench.record(TorqueTrial(5.0, 0.1, 0.4, rate=rate), quietly)

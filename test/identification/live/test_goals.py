@@ -141,6 +141,13 @@ def test_what_could_not_be_restored_is_told_however_it_ends(
     assert outcome.result.message == f"{said}; amplifier not disabled: it did not switch off"
 
 
+def test_an_empty_name_lists_the_experiments():
+    goal = SimpleNamespace(request=RunExperiment.Goal(), is_cancel_requested=False)
+    outcome = Node(TypeError("odd"), while_saving=False)._work(goal)
+    assert outcome.succeeded and outcome.result.success
+    assert "static_torque" in outcome.result.message
+
+
 @pytest.mark.parametrize(
     ("sent", "other_bus", "seen"),
     [
