@@ -35,7 +35,7 @@ from screw_module_ros.identification.sampled_loop import (
 )
 from screw_module_ros.identification.trials import MOTION, RELEASE, Arm
 
-HAND, HEAVY = Arm(), Arm(30.0, 300.0, 30.0)
+HAND, HEAVY, LIGHT_WALL = Arm(), Arm(30.0, 300.0, 30.0), Arm(1.0, 1e5, 30.0)
 USUAL = VerticalSettings()
 FEEDBACK_LAW, MOVING = stability.laws_of(USUAL, 30.0)
 BARE = Mechanism(film_damping=0.0)
@@ -143,7 +143,7 @@ CARRYING = MOVING._replace(settings=USUAL._replace(observer_inertia=KNOWN_SHARE)
         (Mechanism(), HEAVY, Sampling(), MOVING, 1.2 * GAIN, math.inf),
         (LIGHT, HEAVY, Sampling(), MOVING, 1.2 * GAIN, math.inf),
         (LIGHT, HEAVY, Sampling(), CARRYING, 1.2 * GAIN, math.inf),
-        (Mechanism(), Arm(1.0, 1e5, 30.0), Sampling(), FEEDBACK_LAW, 0.0, 1.0),
+        (Mechanism(), LIGHT_WALL, Sampling(), FEEDBACK_LAW, 0.0, 1.0),
     ],
 )
 def test_largest_gain(mechanism, environment, sampling, law, low, high):
@@ -165,7 +165,7 @@ def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff(ma
     [
         (Mechanism(contact_stiffness=1e5), HAND),
         (Mechanism(), Arm(0.0)),
-        (Mechanism(), Arm(1.0, 1e5, 30.0)),
+        (Mechanism(), LIGHT_WALL),
     ],
 )
 def test_hand_formula_says_when_it_does_not_hold(mechanism, environment):
@@ -189,6 +189,8 @@ def test_what_limits_is_what_helps_most_when_taken_away():
     costs = stability.limits(Mechanism(), Arm(1.0, 300.0, 5.0), slow, FEEDBACK_LAW)
     assert costs["the delay"] > 1.3
     assert costs["the contact"] == pytest.approx(1.0, abs=0.2)
+    with pytest.raises(ValueError, match="no gain is stable"):
+        stability.limits(Mechanism(), LIGHT_WALL, Sampling(), CARRYING)
 
 
 RIGID = stability.Settings(mount_stiffness=0.0)
