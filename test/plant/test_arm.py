@@ -26,22 +26,20 @@ REACH = HandPath(
 )
 
 
-def test_minimum_jerk_starts_and_ends_at_rest():
-    assert hand_point(REACH, 2.0) == (0.1, 0.0)
-    assert hand_point(REACH, 1.0) == (0.1, 0.0)
-    middle, fastest = hand_point(REACH, 2.75)
-    assert middle == pytest.approx(0.2)
-    assert fastest == pytest.approx(1.875 * 0.2 / 1.5)
-    position, velocity = hand_point(REACH, 3.5 - 1e-9)
-    assert position == pytest.approx(0.3)
-    assert velocity == pytest.approx(0.0, abs=1e-6)
-
-
-def test_sine_follows_the_reach():
-    quarter = 3.5 + math.pi / 2.0 / 0.8
-    assert hand_point(REACH, quarter)[0] == pytest.approx(0.45)
-    assert hand_point(REACH, quarter)[1] == pytest.approx(0.0, abs=1e-12)
-    assert hand_point(REACH, 3.5)[1] == pytest.approx(0.12)
+@pytest.mark.parametrize(
+    ("time", "position", "velocity"),
+    [
+        (1.0, 0.1, 0.0),
+        (2.0, 0.1, 0.0),
+        (2.75, 0.2, 1.875 * 0.2 / 1.5),
+        (3.5 - 1e-9, 0.3, 0.0),
+        (3.5, 0.3, 0.12),
+        (3.5 + math.pi / 2.0 / 0.8, 0.45, 0.0),
+    ],
+    ids=["before", "begin", "middle", "end", "sine", "its quarter"],
+)
+def test_minimum_jerk_and_then_a_sine(time, position, velocity):
+    assert hand_point(REACH, time) == pytest.approx((position, velocity), abs=1e-8)
 
 
 @given(st.floats(2.01, 20.0))
@@ -53,18 +51,29 @@ def test_velocity_is_the_derivative_of_position(time):
     assert hand_point(path, time)[1] == pytest.approx(slope, abs=1e-4)
 
 
-def test_kinds(settings):
-    arm = settings.arm
-    active = arm_force(arm, 9.81)
-    assert (active.mass, active.stiffness, active.damping) == (3.0, 300.0, 5.0)
-    assert active.weight == 0.0
-    assert arm_force(arm._replace(carried=0.5), 9.81).weight == pytest.approx(14.715)
-    relaxed = arm_force(arm._replace(kind="relaxed"), 9.81)
-    assert relaxed.stiffness == pytest.approx(30.0)
-    weak = arm_force(arm._replace(kind="weak"), 9.81)
-    assert spring_terms(weak, 0.5, 0.0, 0.1, 0.0) == (0.0, 0.0, 8.0)
-    assert spring_terms(weak, 0.1, 0.0, 0.5, 0.0) == (0.0, 0.0, -8.0)
-    assert spring_terms(weak, 0.11, 0.0, 0.1, 0.0) == (300.0, 5.0, 0.0)
+@pytest.mark.parametrize(
+    ("change", "force"),
+    [
+        ({}, (3.0, 300.0, 5.0, math.inf, 0.0)),
+        ({"carried": 0.5}, (3.0, 300.0, 5.0, math.inf, 14.715)),
+        ({"kind": "relaxed"}, (3.0, 30.0, 5.0, math.inf, 0.0)),
+    ],
+)
+def test_kinds(settings, change, force):
+    assert arm_force(settings.arm._replace(**change), 9.81) == pytest.approx(force)
+
+
+@pytest.mark.parametrize(
+    ("hand", "at", "terms"),
+    [
+        (0.5, 0.1, (0.0, 0.0, 8.0)),
+        (0.1, 0.5, (0.0, 0.0, -8.0)),
+        (0.11, 0.1, (300.0, 5.0, 0.0)),
+    ],
+)
+def test_a_weak_arm_pulls_with_all_it_has(settings, hand, at, terms):
+    weak = arm_force(settings.arm._replace(kind="weak"), 9.81)
+    assert spring_terms(weak, hand, 0.0, at, 0.0) == terms
 
 
 def test_stage_brakes_in_time():
@@ -83,15 +92,13 @@ def patient(settings):
     return resting_patient(settings.arm, 0.0, 0.0, 0.18)
 
 
+SINE = ArmSettings(amplitude=(0.0, 0.0, 0.15), omega=(0.0, 0.0, 0.8))
+
+
 def test_an_axis_with_nothing_but_nan_goes_on_with_its_sine(patient):
-    sine = ArmSettings(amplitude=(0.0, 0.0, 0.15), omega=(0.0, 0.0, 0.8))
-    swinging = changed_patient(patient, sine, 1.0)
-    aside = ArmSettings(
-        target=(0.1, 0.1, math.nan),
-        duration=1.0,
-        amplitude=(0.0, 0.0, math.nan),
-        omega=(0.0, 0.0, math.nan),
-    )
+    swinging = changed_patient(patient, SINE, 1.0)
+    kept = (0.0, 0.0, math.nan)
+    aside = ArmSettings(target=(0.1, 0.1, math.nan), duration=1.0, amplitude=kept, omega=kept)
     moved = changed_patient(swinging, aside, 2.3)
     assert moved.paths[2] == swinging.paths[2]
     assert moved.paths[0].target == 0.1
@@ -104,27 +111,21 @@ def test_nan_keeps_what_is(patient):
 
 
 def test_a_new_target_starts_where_the_hand_is(patient):
-    swinging = changed_patient(
-        patient,
-        ArmSettings(amplitude=(0.0, 0.0, 0.15), omega=(0.0, 0.0, 0.8)),
-        1.0,
-    )
-    now = 3.0
-    before = hand_point(swinging.paths[2], now)[0]
-    moved = changed_patient(swinging, ArmSettings(target=(0.1, math.nan, 0.25), duration=1.0), now)
-    assert hand_point(moved.paths[2], now)[0] == pytest.approx(before)
-    assert hand_point(moved.paths[2], now + 1.5) == (0.25, 0.0)
-    assert hand_point(moved.paths[0], now + 1.5)[0] == pytest.approx(0.1)
-    assert hand_point(moved.paths[1], now + 1.5)[0] == 0.0
+    swinging = changed_patient(patient, SINE, 1.0)
+    target = ArmSettings(target=(0.1, math.nan, 0.25), duration=1.0)
+    x, y, z = changed_patient(swinging, target, 3.0).paths
+    assert hand_point(z, 3.0)[0] == pytest.approx(hand_point(swinging.paths[2], 3.0)[0])
+    assert hand_point(z, 4.5) == (0.25, 0.0)
+    assert hand_point(x, 4.5)[0] == pytest.approx(0.1)
+    assert hand_point(y, 4.5)[0] == 0.0
 
 
 def test_tremor_and_relaxed_change_the_path(patient):
-    sine = ArmSettings(amplitude=(0.0, 0.0, 0.15), omega=(0.0, 0.0, 0.8))
-    tremor = changed_patient(patient, sine._replace(kind="tremor"), 0.0)
+    tremor = changed_patient(patient, SINE._replace(kind="tremor"), 0.0)
     swing = [hand_point(tremor.paths[0], i / 100.0)[0] for i in range(100)]
     assert max(swing) == pytest.approx(0.008, rel=0.01)
     assert sum(a * b < 0.0 for a, b in zip(swing, swing[1:], strict=False)) in (9, 10)
-    relaxed = changed_patient(patient, sine._replace(kind="relaxed"), 0.0)
+    relaxed = changed_patient(patient, SINE._replace(kind="relaxed"), 0.0)
     assert relaxed.paths[2] == resting(0.18)._replace(omega=0.8)
 
 

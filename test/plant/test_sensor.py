@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The transducer: torque of the grip, noise and its generator, zeros and their drift."""
+"""The transducer: torques of grip and locked rotor, noise and its generator, drifting zeros."""
 
 from __future__ import annotations
 
+import math
 import statistics
 
+import numpy
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from screw_module_ros.compiled import compiled
+from screw_module_ros.plant.instruments import rotor_step, rotor_step_settings
 from screw_module_ros.plant.sensor import (
     measured_wrench,
     normal_pair,
@@ -31,14 +35,16 @@ def samples(p, count, time=0.0):
     return list(zip(*wrenches, strict=True))
 
 
-def test_planar_force_at_the_grip_gives_torque_at_the_transducer():
-    assert true_wrench(10.0, -5.0, 3.0, 0.06, 0.0) == pytest.approx(
-        (10.0, -5.0, 3.0, 0.3, 0.6, 0.0)
-    )
-
-
-def test_locked_rotor_is_read_about_z():
-    assert true_wrench(0.0, 0.0, 0.0, 0.06, 0.35) == (0.0, 0.0, 0.0, 0.0, 0.0, 0.35)
+@pytest.mark.parametrize(
+    ("given", "wrench"),
+    [
+        ((10.0, -5.0, 3.0, 0.06, 0.0), (10.0, -5.0, 3.0, 0.3, 0.6, 0.0)),
+        ((0.0, 0.0, 0.0, 0.06, 0.35), (0.0, 0.0, 0.0, 0.0, 0.0, 0.35)),
+    ],
+    ids=["planar force at the grip", "locked rotor"],
+)
+def test_torques_at_the_transducer(given, wrench):
+    assert true_wrench(*given) == pytest.approx(wrench)
 
 
 def test_noise_is_as_large_as_set_on_each_axis(settings):
@@ -49,12 +55,11 @@ def test_noise_is_as_large_as_set_on_each_axis(settings):
         assert statistics.fmean(values) == pytest.approx(p.bias[axis], abs=5.0 * noise / 4000**0.5)
 
 
-def test_zeros_drift_to_where_the_seed_says(settings):
+@pytest.mark.parametrize(("time", "share"), [(1e6, 1.0), (900.0, 1.0 - math.exp(-1.0))])
+def test_zeros_drift_to_where_the_seed_says(settings, time, share):
     p = sensor_params(settings.sensor, 7)._replace(force_noise=0.0, torque_noise=0.0)
-    for axis, (value,) in enumerate(samples(p, 1, time=1e6)):
-        assert value == pytest.approx(p.bias[axis] + p.drift[axis])
-    for axis, (value,) in enumerate(samples(p, 1, time=900.0)):
-        assert value == pytest.approx(p.bias[axis] + 0.632 * p.drift[axis], abs=1e-3)
+    for axis, (value,) in enumerate(samples(p, 1, time)):
+        assert value == pytest.approx(p.bias[axis] + share * p.drift[axis])
 
 
 def test_seeds_make_different_transducers(settings):
@@ -104,3 +109,34 @@ def test_compiled_noise_is_the_same():
         assert quick[2:] == plain[2:]
         assert quick[:2] == pytest.approx(plain[:2], rel=1e-12)
         state = plain[2:]
+
+
+def rotor(transducer, dt, steps, angle=0.0, torque=0.0):
+    """Return the angle and the velocity of a locked rotor at the start and after each step."""
+    p, states = rotor_step_settings(transducer, dt), [(angle, 0.0)]
+    for _ in range(steps):
+        states.append(rotor_step(p, *states[-1], torque))
+    return states
+
+
+def test_undamped_mode_is_3600_hz(settings):
+    states = rotor(settings.transducer._replace(damping=0.0), 1e-6, 100_000, angle=1e-5)
+    crossings = sum(a * b < 0.0 for (a, _), (b, _) in zip(states, states[1:], strict=False))
+    assert crossings / 2.0 / 0.1 == pytest.approx(3595.0, abs=5.0)
+    assert math.hypot(states[-1][0], states[-1][1] / 22588.0) == pytest.approx(1e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01, 0.2, 0.8854377448, 7.2])
+@pytest.mark.parametrize("dt", [5e-6, 50e-6, 500e-6])
+def test_step_is_the_matrix_exponential(settings, damping, dt):
+    t = settings.transducer._replace(damping=damping)
+    p, inertia = rotor_step_settings(t, dt), t.rotor_inertia
+    matrix = numpy.array([[0.0, 1.0], [-t.stiffness / inertia, -damping / inertia]])
+    wide = [[p.angle_angle, p.angle_velocity], [p.velocity_angle, p.velocity_velocity]]
+    scale = numpy.array([[1.0, 22588.0], [1.0 / 22588.0, 1.0]])  # to comparable sizes
+    assert numpy.allclose(wide * scale, expm(matrix * dt) * scale, rtol=1e-4, atol=1e-6)
+
+
+def test_static_torque_is_read_in_full(settings):
+    angle, _ = rotor(settings.transducer, 50e-6, 2000, torque=0.35)[-1]
+    assert settings.transducer.stiffness * angle == pytest.approx(0.35, rel=1e-9)

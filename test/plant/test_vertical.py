@@ -26,6 +26,28 @@ run = compiled(many_steps)
 quick_step = compiled(vertical_step)
 
 
+def after(p, u, steps, height=0.2, **moving):
+    """Return the state after steps from rest; moving: what else the start is."""
+    return run(p, resting_state(p.module, height, u.upright)._replace(**moving), u, steps)
+
+
+def along(p, u, steps, **moving):
+    """Yield (before, after) of each step from rest at 0.2 m."""
+    s = resting_state(p.module, 0.2, u.upright)._replace(**moving)
+    for _ in range(steps):
+        before, s = s, quick_step(p, s, u)
+        yield before, s
+
+
+def handled(
+    p, mass=3.0, stiffness=0.0, damping=0.0, weight=0.0, strength=math.inf, grip=None, **module
+):
+    """Return the rig with another arm, grip and module."""
+    arm = ArmForce(mass, stiffness, damping, strength, weight)
+    grip = soft_grip(*grip) if grip else p.grip
+    return p._replace(arm=arm, grip=grip, module=p.module._replace(**module))
+
+
 def energy(p, s, upright=1.0):
     """Kinetic, gravity, contact, end stops and bristles [J]."""
     m = p.module
@@ -68,22 +90,19 @@ def test_passive_module_never_gains_energy(
 
 
 def test_friction_carries_the_handle_in_the_upper_half(vertical, still):
-    s = run(vertical, resting_state(vertical.module, 0.25, 1.0), still, 40_000)
+    s = after(vertical, still, 40_000, height=0.25)
     assert s.nut == pytest.approx(0.25, abs=1e-5)
     assert s.friction == pytest.approx(-10.04, abs=0.01)
 
 
 def test_handle_sinks_where_friction_is_less_than_its_weight(vertical, still):
-    start = resting_state(vertical.module, 0.1, 1.0)._replace(nut_velocity=-0.001)
-    assert run(vertical, start, still, 80_000).nut < 0.05
+    assert after(vertical, still, 80_000, height=0.1, nut_velocity=-0.001).nut < 0.05
 
 
 def test_lock_pin_holds_against_the_full_motor(vertical, still):
-    u = still._replace(current=10.0, powered=True, locked=True)
-    s = run(vertical, resting_state(vertical.module, 0.18, 1.0), u, 20_000)
-    assert s.nut == 0.18
-    assert s.nut_velocity == 0.0
-    assert abs(s.handle - 0.18) <= 0.5 * vertical.module.play + 1e-6
+    s = after(vertical, still._replace(current=10.0, powered=True, locked=True), 20_000)
+    assert (s.nut, s.nut_velocity) == (0.2, 0.0)
+    assert abs(s.handle - 0.2) <= 0.5 * vertical.module.play + 1e-6
     assert s.torque == pytest.approx(1.6)
 
 
@@ -102,8 +121,7 @@ def test_end_stop_throws_back_less_than_came(vertical, still, end, way):
 
 
 def test_full_motor_does_not_push_through_the_end_stop(vertical, still):
-    u = still._replace(current=10.0, powered=True)
-    s = run(vertical, resting_state(vertical.module, 0.3, 1.0), u, 40_000)
+    s = after(vertical, still._replace(current=10.0, powered=True), 40_000, height=0.3)
     assert s.handle == pytest.approx(0.36, abs=4e-3)
 
 
@@ -120,12 +138,9 @@ def test_play_of_a_tenth_of_a_millimetre_between_encoder_and_handle(vertical, st
 
 
 def test_patient_force_holds_the_reaction_of_the_arm_s_mass(vertical, still):
-    p = vertical._replace(arm=ArmForce(3.0, 0.0, 0.0, math.inf, 0.0))
+    p = handled(vertical)
     u = still._replace(fixture=HUMAN_ARM, current=4.0, powered=True)
-    s = resting_state(p.module, 0.2, 1.0)
-    for _ in range(2000):
-        before = s
-        s = quick_step(p, s, u)
+    for before, s in along(p, u, 2000):
         acceleration = (s.handle_velocity - before.handle_velocity) / p.dt
         assert s.patient_force == pytest.approx(-3.0 * acceleration, abs=1e-9)
     assert s.handle_velocity > 0.1
@@ -133,152 +148,129 @@ def test_patient_force_holds_the_reaction_of_the_arm_s_mass(vertical, still):
 
 def test_both_masses_obey_newton(vertical, still):
     u = still._replace(fixture=HUMAN_ARM, hand=0.3, current=2.0, powered=True)
-    p = vertical._replace(module=vertical.module._replace(rail_friction=0.0))
-    s = resting_state(p.module, 0.2, 1.0)
-    for _ in range(3000):
-        before = s
-        s = quick_step(p, s, u)
-        nut = (s.nut_velocity - before.nut_velocity) / p.dt * p.module.turning_mass
-        handle = (s.handle_velocity - before.handle_velocity) / p.dt * p.module.moving_mass
-        assert nut == pytest.approx(s.torque * p.turn_rate - s.friction + s.contact_force, abs=1e-6)
-        assert handle == pytest.approx(
-            s.patient_force - s.contact_force - p.module.moving_mass * 9.81, abs=1e-6
+    module = vertical.module._replace(rail_friction=0.0)
+    p = vertical._replace(module=module)
+    for before, s in along(p, u, 3000):
+        assert (
+            (s.nut_velocity - before.nut_velocity) / p.dt * module.turning_mass,
+            (s.handle_velocity - before.handle_velocity) / p.dt * module.moving_mass,
+        ) == pytest.approx(
+            (
+                s.torque * p.turn_rate - s.friction + s.contact_force,
+                s.patient_force - s.contact_force - module.moving_mass * 9.81,
+            ),
+            abs=1e-6,
         )
 
 
 def test_friction_on_the_handles_side_is_not_seen_at_the_nut(vertical, still):
     """With the screw locked the handle moves within the play, against its own friction alone."""
-    module = vertical.module._replace(
-        play=4e-3, rail_friction=3.0, film_damping=0.0, gravity=0.0
-    )
-    p = vertical._replace(module=module, arm=ArmForce(0.0, 0.0, 0.0, 4.0, 0.0))
-    s = resting_state(module, 0.2, 1.0)
+    p = handled(
+        vertical, mass=0.0, strength=4.0,
+        play=4e-3, rail_friction=3.0, film_damping=0.0, gravity=0.0,
+    )  # fmt: skip
     u = still._replace(fixture=STAGE, locked=True, stage_speed=2e-3, stage_target=0.2015)
-    s = run(p, s, u, 10000)
+    s = after(p, u, 10_000)
     assert s.patient_force == pytest.approx(3.0, abs=0.01)
     assert s.friction == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_mount_gives_way_under_the_handle_and_the_encoder_does_not_see_it(vertical, still):
-    module = vertical.module._replace(mount_stiffness=2e6, rail_friction=0.0)
-    p = vertical._replace(module=module, arm=ArmForce(1.0, 1e5, 500.0, math.inf, 0.0))
-    u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.2 + 2e-3)
-    s = run(p, resting_state(module, 0.2, 1.0), u, 20000)
+    p = handled(vertical, 1.0, 1e5, 500.0, mount_stiffness=2e6, rail_friction=0.0)
+    s = after(p, still._replace(fixture=HUMAN_ARM, locked=True, hand=0.202), 20_000)
     assert s.nut == 0.2
     assert s.mount == pytest.approx(s.contact_force / 2e6, rel=1e-3)
-    stretch = s.handle - s.nut - s.mount - 0.5 * module.play
-    assert stretch == pytest.approx(s.contact_force / module.contact_stiffness, rel=1e-3)
+    stretch = s.handle - s.nut - s.mount - 0.5 * p.module.play
+    assert stretch == pytest.approx(s.contact_force / p.module.contact_stiffness, rel=1e-3)
 
 
 def test_the_transducer_filters_the_force(vertical, still):
-    p = vertical._replace(force_lag=1.0 / (2.0 * math.pi * 100.0))
-    u = still._replace(fixture=HUMAN_ARM, hand=0.3)
-    s = resting_state(p.module, 0.2, 1.0)
-    shown = 0.0
-    for _ in range(200):
-        s = quick_step(p, s, u)
+    p, shown = vertical._replace(force_lag=1.0 / (2.0 * math.pi * 100.0)), 0.0
+    for _, s in along(p, still._replace(fixture=HUMAN_ARM, hand=0.3), 200):
         shown += (s.patient_force - shown) * p.dt / (p.force_lag + p.dt)
         assert s.filtered_force == pytest.approx(shown, abs=1e-9)
-    assert abs(s.filtered_force - s.patient_force) > 0.0
+    assert s.filtered_force != s.patient_force
 
 
 def test_the_transducer_has_its_hysteresis(vertical, still):
     """The value shown lags the force by half the width of the loop, upward and downward."""
-    p = vertical._replace(hysteresis=0.05)
+    p, u = vertical._replace(hysteresis=0.05), still._replace(fixture=HUMAN_ARM, locked=True)
     s = resting_state(p.module, 0.2, 1.0)
     for way in (1.0, -1.0):
         for k in range(2000):  # slowly, so that the force does not overshoot
-            hand = 0.2 + 1e-5 * k * way
-            s = run(p, s, still._replace(fixture=HUMAN_ARM, locked=True, hand=hand), 100)
+            s = run(p, s, u._replace(hand=0.2 + 1e-5 * k * way), 100)
         assert s.shown_force - s.filtered_force == pytest.approx(-0.05 * way, abs=5e-3)
         before = s
-        back = still._replace(fixture=HUMAN_ARM, locked=True, hand=hand - 2e-4 * way)
-        s = run(p, s, back, 100_000)
+        s = run(p, s, u._replace(hand=0.2 + (1e-5 * k - 2e-4) * way), 100_000)
         assert s.filtered_force - before.filtered_force == pytest.approx(-0.06 * way, abs=0.01)
         assert s.shown_force == before.shown_force, "within the loop nothing moves"
 
 
 def test_a_soft_grip_stretches_as_spring_and_arm_in_series(vertical, still):
-    p = vertical._replace(
-        arm=ArmForce(3.0, 300.0, 5.0, math.inf, 0.0), grip=soft_grip(6000.0, 30.0, 0.4)
+    p = handled(vertical, 3.0, 300.0, 5.0, grip=(6000.0, 30.0, 0.4))
+    s = after(p, still._replace(fixture=HUMAN_ARM, locked=True, hand=0.21), 100_000)
+    assert [s.patient_force] * 3 == pytest.approx(
+        [
+            300.0 * (0.21 - s.arm),
+            6000.0 * (s.arm - s.handle),
+            (0.21 - s.handle) / (1 / 300.0 + 1 / 6000.0),
+        ],
+        rel=1e-3,
     )
-    u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.21)
-    s = run(p, resting_state(p.module, 0.2, 1.0), u, 100_000)
-    assert s.patient_force == pytest.approx(300.0 * (0.21 - s.arm), rel=1e-3)
-    assert s.patient_force == pytest.approx(6000.0 * (s.arm - s.handle), rel=1e-3)
-    assert s.patient_force == pytest.approx((0.21 - s.handle) / (1 / 300.0 + 1 / 6000.0), rel=1e-3)
 
 
 def test_an_arm_behind_a_soft_grip_swings_at_its_own_frequency(vertical, still):
     """The handle is held by the locked screw: one mass between two springs."""
-    p = vertical._replace(
-        arm=ArmForce(3.0, 300.0, 0.0, math.inf, 0.0), grip=soft_grip(6000.0, 0.0, 0.4)
-    )
+    p = handled(vertical, 3.0, 300.0, grip=(6000.0, 0.0, 0.4))
     u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.2)
-    s = resting_state(p.module, 0.2, 1.0)._replace(arm=0.205)
-    above, crossings, steps = True, [], 20_000
-    for k in range(steps):
-        s = quick_step(p, s, u)
-        if (s.arm > 0.2) != above:
-            above = not above
-            crossings.append(k * p.dt)
-    half = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    crossings = [
+        number for number, (before, s) in enumerate(along(p, u, 20_000, arm=0.205))
+        if (s.arm > 0.2) != (before.arm > 0.2)
+    ]  # fmt: skip
+    half = (crossings[-1] - crossings[0]) * p.dt / (len(crossings) - 1)
     assert math.pi / half == pytest.approx(math.sqrt(6300.0 / 3.0), rel=0.01)
 
 
 def test_a_grip_that_is_hard_is_the_rigid_hand(vertical, still):
-    arm = ArmForce(3.0, 300.0, 5.0, math.inf, 0.0)
     u = still._replace(fixture=HUMAN_ARM, hand=0.3)
-    start = resting_state(vertical.module, 0.2, 1.0)
-    rigid = run(vertical._replace(arm=arm), start, u, 4000)
-    hard = run(vertical._replace(arm=arm, grip=soft_grip(2e5, 200.0, 1e-3)), start, u, 4000)
+    rigid = after(handled(vertical, 3.0, 300.0, 5.0), u, 4000)
+    hard = after(handled(vertical, 3.0, 300.0, 5.0, grip=(2e5, 200.0, 1e-3)), u, 4000)
     assert hard.handle == pytest.approx(rigid.handle, abs=5e-4)
-    assert rigid.handle - start.handle > 1e-3
+    assert rigid.handle > 0.201
 
 
-def test_carried_arm_weighs_on_the_handle(vertical, still):
-    p = vertical._replace(arm=ArmForce(3.0, 0.0, 0.0, math.inf, 10.0))
-    u = still._replace(fixture=HUMAN_ARM, locked=True)
-    s = run(p, resting_state(p.module, 0.2, 1.0), u, 4000)
-    assert s.patient_force == pytest.approx(-10.0, abs=0.01)
-    s = run(p, resting_state(p.module, 0.2, -1.0), u._replace(upright=-1.0), 4000)
-    assert s.patient_force == pytest.approx(10.0, abs=0.01)
+@pytest.mark.parametrize("upright", [1.0, -1.0])
+def test_carried_arm_weighs_on_the_handle(vertical, still, upright):
+    u = still._replace(fixture=HUMAN_ARM, locked=True, upright=upright)
+    s = after(handled(vertical, weight=10.0), u, 4000)
+    assert s.patient_force == pytest.approx(-10.0 * upright, abs=0.01)
 
 
 def test_shorted_motor_brakes(vertical, still):
-    moving = resting_state(vertical.module, 0.1, 1.0)._replace(
-        nut_velocity=0.3, handle_velocity=0.3
-    )
-    coasting = run(vertical, moving, still, 200)
-    braked = run(vertical, moving, still._replace(braked=True), 200)
+    moving = {"height": 0.1, "nut_velocity": 0.3, "handle_velocity": 0.3}
+    coasting = after(vertical, still, 200, **moving)
+    braked = after(vertical, still._replace(braked=True), 200, **moving)
     assert braked.nut_velocity < 0.5 * coasting.nut_velocity
-    assert coasting.torque == 0.0
-    assert braked.torque < 0.0
+    assert braked.torque < 0.0 == coasting.torque
 
 
 def test_current_dies_without_power(vertical, still):
     on = still._replace(current=5.0, powered=True)
-    s = run(vertical, resting_state(vertical.module, 0.2, 1.0), on, 100)
+    s = after(vertical, on, 100)
     assert s.current == pytest.approx(5.0, abs=1e-6)
-    s = run(vertical, s, still._replace(current=5.0), 40)
-    assert s.current == pytest.approx(0.0, abs=1e-4)
+    assert run(vertical, s, on._replace(powered=False), 40).current == pytest.approx(0.0, abs=1e-4)
 
 
 def test_locked_rotor_twists_the_transducer_and_leaves_the_handle(vertical, still):
-    u = still._replace(fixture=LOCKED_ROTOR, current=2.0, powered=True)
+    s = after(vertical, still._replace(fixture=LOCKED_ROTOR, current=2.0, powered=True), 4000)
     start = resting_state(vertical.module, 0.2, 1.0)
-    s = run(vertical, start, u, 4000)
     assert 1e4 * s.rotor_angle == pytest.approx(0.32, rel=1e-6)
     assert (s.nut, s.handle) == (start.nut, start.handle)
 
 
 def test_side_force_raises_friction(vertical, still):
-    def torque_to_move(side_force):
-        u = still._replace(fixture=STAGE, stage_speed=0.02, stage_target=0.3, side_force=side_force)
-        return run(vertical, resting_state(vertical.module, 0.2, 1.0), u, 10_000).friction
-
-    gained = torque_to_move(30.0) - torque_to_move(0.0)
-    f = vertical.friction
+    f, u = vertical.friction, still._replace(fixture=STAGE, stage_speed=0.02, stage_target=0.3)
+    pushed = after(vertical, u._replace(side_force=30.0), 10_000).friction
     expected = f.load_gain * vertical.module.grip_height * 30.0
     expected /= 1.0 - f.load_gain * vertical.module.handle_offset  # the stage pushes harder too
-    assert gained == pytest.approx(expected, rel=0.01)
+    assert pushed - after(vertical, u, 10_000).friction == pytest.approx(expected, rel=0.01)
