@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_counts import MS, START
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from screw_module_ros.recording.bag import Bag, Message, StorageSettings, Topic
 from screw_module_ros.recording.definitions import Definitions
 
 ROOT = Path(__file__).parents[2]
-START = 1_700_000_000_000_000_000
-MS = 1_000_000
 
 # What share/PACKAGE/msg of ROS 2 Jazzy holds, without the comments.
 COMMON = {
@@ -99,15 +98,19 @@ QOS = {
 
 
 @pytest.fixture
-def encoder_topic(definitions, codec) -> Topic:
-    """The topic of the encoder, as the recorder would find it."""
-    return Topic(
-        "/screw/encoder",
-        ENCODER,
-        definitions.find(ENCODER),
-        codec.hash(ENCODER),
-        (QOS,),
-    )
+def topic(definitions, codec):
+    """Return a maker of topics of our types, as the recorder would find them."""
+
+    def make(name: str, kind: str, *qos: dict) -> Topic:
+        full = f"screw_module_msgs/msg/{kind}"
+        return Topic(name, full, definitions.find(full), codec.hash(full), qos)
+
+    return make
+
+
+@pytest.fixture
+def encoder_topic(topic) -> Topic:
+    return topic("/screw/encoder", "EncoderSample", QOS)
 
 
 @pytest.fixture
@@ -133,14 +136,26 @@ def samples(codec):
 
 
 @pytest.fixture
-def bag(tmp_path, encoder_topic, samples):
+def record(tmp_path, encoder_topic, samples):
+    """Return a maker of closed bags of encoder samples, flushed every 500."""
+
+    def make(sequences, topic: Topic = encoder_topic, notes: dict | None = None, **storage) -> Path:
+        writer = Bag(tmp_path / "bag", StorageSettings(**storage))
+        messages = samples(writer.add_topic(topic), sequences)
+        for note in (notes or {}).items():
+            writer.note(*note)
+        for start in range(0, len(messages), 500):
+            writer.write(messages[start : start + 500])
+            writer.flush()
+        writer.close()
+        return writer.folder
+
+    return make
+
+
+@pytest.fixture
+def bag(record):
     """A closed bag of 5000 encoder samples in several chunks; returns its folder."""
-    writer = Bag(tmp_path / "bag", StorageSettings(chunk_size=20_000))
-    channel = writer.add_topic(encoder_topic)
-    writer.note("configuration", {"sim.yaml": "sha256:0"})
-    messages = samples(channel, range(5000))
-    for start in range(0, 5000, 500):
-        writer.write(messages[start : start + 500])
-        writer.flush()
-    writer.close()
-    return tmp_path / "bag"
+    return record(
+        range(5000), notes={"configuration": {"sim.yaml": "sha256:0"}}, chunk_size=20_000
+    )

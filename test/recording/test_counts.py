@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gaps, duplicates and disorder are counted from raw bytes, with the stride learned."""
 
+from itertools import accumulate
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -34,26 +36,42 @@ def counted(sequences, numbers=None, every=None):
     return count.result({"/manus": f'{{"state_every": {every}}}'})
 
 
-def test_nothing_missing():
+def without(*missing, every=1):
+    return [n for n in range(0, 1000 * every, every) if n not in missing]
+
+
+COUNTED = {
+    "each gap and each message": (without(100, 500, 501, 502), {"gaps": 2, "lost": 4}),
+    "every second": (range(0, 1000, 2), {"stride": 1, "lost": 499, "gaps": 499}),
+    "ever more": ([n * n for n in range(200)], {"lost": 199 * 198}),
+    "no message": ([], {"stride": 1, "lost": 0, "messages": 0}),
+    "duplicates and disorder": (
+        [*range(100), 99, 99, *range(100, 150), 152, 151, 150, *range(153, 200)],
+        {"duplicates": 2, "out_of_order": 2, "lost": 0},
+    ),
+    "a wrap of the number": (range(MASK - 50, MASK + 50), {"lost": 0}),
+    "a restart of the counter": (
+        [*range(2_000_000, 2_000_100), *range(4_000_000, 4_000_100), *range(5)],
+        {"restarts": 2, "lost": 0},
+    ),
+}
+
+
+@pytest.mark.parametrize(("sequences", "wanted"), COUNTED.values(), ids=COUNTED)
+def test_what_is_missing_is_counted(sequences, wanted):
+    """The stride is no learned one, which would hide a regular loss."""
+    counts = counted(sequences)._asdict()
+    assert counts | wanted == counts
+
+
+def test_what_lacks_nothing_is_complete():
     assert counted(range(7, 1007)) == Counts(messages=1000, stride=1)
-    assert counted(range(7, 1007)).complete
+    assert counted(range(7, 1007)).complete and not counted(without(100)).complete
 
 
-def test_each_gap_and_each_lost_message_is_counted():
-    sequences = [n for n in range(1000) if n not in (100, 500, 501, 502)]
-    counts = counted(sequences)
-    assert (counts.gaps, counts.lost) == (2, 4)
-    assert not counts.complete
-
-
-def test_the_stride_is_that_of_the_graph_or_of_a_parameter():
-    """One that is learned would hide a regular loss."""
-    counts = counted(range(0, 1000, 2))
-    assert (counts.stride, counts.lost, counts.gaps) == (1, 499, 499)
-    counts = counted([n for n in range(0, 2000, 4) if n not in (100, 104)], every=4)
+def test_the_stride_may_be_that_of_a_parameter():
+    counts = counted(without(100, 104, every=4), every=4)
     assert (counts.stride, counts.lost, counts.gaps) == (4, 2, 1)
-    assert counted([n * n for n in range(200)]).lost == 199 * 198
-    assert counted([]) == Counts(stride=1)
 
 
 @pytest.mark.parametrize("text", ["{}", "[]", "no answer", '{"state_every": "often"}'])
@@ -66,11 +84,8 @@ def test_a_stride_that_nobody_tells_is_unknown(text):
 
 
 def test_jitter_round_the_stride_is_no_loss():
-    sequences, now = [], 0
-    for turn in range(300):
-        now += 5 + {0: 1, 1: -1}.get(turn % 20, 0)
-        sequences.append(now)
-    counts = counted(sequences, every=5)
+    steps = [5 + {0: 1, 1: -1}.get(turn % 20, 0) for turn in range(300)]
+    counts = counted(accumulate(steps), every=5)
     assert (counts.stride, counts.lost, counts.gaps) == (5, 0, 0)
 
 
@@ -81,29 +96,18 @@ def test_a_thinned_topic_and_one_of_another_type_have_no_stride():
         assert (count.result({}).stride, count.result({}).lost) == (0, 0)
 
 
-def test_duplicates_and_disorder():
-    counts = counted([*range(100), 99, 99, *range(100, 150), 152, 151, 150, *range(153, 200)])
-    assert (counts.duplicates, counts.out_of_order, counts.lost) == (2, 2, 0)
-
-
-def test_wrap_of_the_tick_number_is_no_gap():
-    assert counted(range(MASK - 50, MASK + 50)).lost == 0
-
-
-def test_restart_of_the_counter_is_no_gap():
-    counts = counted([*range(2_000_000, 2_000_100), *range(4_000_000, 4_000_100), *range(5)])
-    assert (counts.restarts, counts.lost) == (2, 0)
-
-
-def test_not_received_is_told_from_not_sent():
-    counts = counted([1, 2, 5, 6], numbers=[11, 12, 13, 14])
-    assert (counts.lost, counts.missed) == (2, 0)
-    counts = counted([1, 2, 5, 6], numbers=[11, 12, 15, 16])
-    assert (counts.lost, counts.missed) == (2, 2)
-
-
-def test_restarted_publisher_has_not_missed_anything():
-    assert counted(range(6), numbers=[8, 9, 10, 1, 2, 3]).missed == 0
+@pytest.mark.parametrize(
+    ("sequences", "numbers", "lost", "missed"),
+    [
+        ([1, 2, 5, 6], [11, 12, 13, 14], 2, 0),
+        ([1, 2, 5, 6], [11, 12, 15, 16], 2, 2),
+        (range(6), [8, 9, 10, 1, 2, 3], 0, 0),
+    ],
+    ids=["not sent", "not received", "publisher restarted"],
+)
+def test_not_received_is_told_from_not_sent(sequences, numbers, lost, missed):
+    counts = counted(sequences, numbers)
+    assert (counts.lost, counts.missed) == (lost, missed)
 
 
 def test_with_several_publishers_their_numbers_are_not_judged():
@@ -157,8 +161,6 @@ def test_topics_with_ticks_are_those_with_a_number_and_its_time(definitions, own
 
 def test_many_different_steps_do_not_fill_the_memory():
     count = count_of()
-    now = 0
-    for step in range(2000):
-        now += step
-        count.take(0, flat(now))
+    for sequence in accumulate(range(2000)):
+        count.take(0, flat(sequence))
     assert len(count._steps) < 300 and len(count._places) < 1500

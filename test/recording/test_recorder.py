@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the receiving thread reach the bag; the others are counted."""
+"""Messages of the receiving thread reach the bag; the others are counted, also on a full disk."""
 
+import errno
+import io
+import os
+import shutil
 import threading
 
 import pytest
-from bag_counts import by_library
-from mcap.reader import make_reader
+from bag_counts import SECOND, ticks
 
-from screw_module_ros.recording.bag import Bag, StorageSettings
+from screw_module_ros.recording import mcap_file
+from screw_module_ros.recording.bag import Bag, BagError, StorageSettings
 from screw_module_ros.recording.recorder import Recording, file_hashes
 from screw_module_ros.recording.records import notes
-
-SECOND = 1_000_000_000
+from screw_module_ros.recording.recover import recover
 
 
 @pytest.fixture
@@ -31,29 +34,18 @@ def small(tmp_path, encoder_topic):
     return session
 
 
-def stored(session):
-    return by_library((session.folder / "bag_0.mcap").read_bytes())
-
-
 def test_nothing_is_flushed_before_its_time_and_all_after(session, samples):
     session.put(samples(1, range(10)))
-    session.work(5 * SECOND)
-    session.work(5 * SECOND + 700_000_000)
-    assert stored(session) == 0
-    assert session.status().messages == 0
-    session.work(5 * SECOND + 800_000_000)
-    assert stored(session) == 10
-    assert session.status().messages == 10
+    for later, stored in ((0, 0), (SECOND * 7 // 10, 0), (SECOND * 8 // 10, 10)):
+        session.work(5 * SECOND + later)
+        assert len(ticks(session.folder)) == session.status().messages == stored
 
 
 def test_messages_of_several_topics_are_stored_in_order_of_time(session, samples, encoder_topic):
     other = session.add_topic(encoder_topic._replace(name="/other"))
     session.put([*samples(1, range(0, 10, 2)), *samples(other, range(1, 10, 2))])
     session.close()
-    with (session.folder / "bag_0.mcap").open("rb") as file:
-        times = [m.log_time for _, _, m in make_reader(file).iter_messages(log_time_order=False)]
-    assert times == sorted(times)
-    assert len(times) == 10
+    assert ticks(session.folder) == list(range(10))
 
 
 def test_waiting_messages_are_told(session, samples):
@@ -63,15 +55,17 @@ def test_waiting_messages_are_told(session, samples):
     assert session.status().waiting == 0
 
 
-def test_full_cache_drops_and_counts(small, samples):
+def test_full_cache_drops_and_counts(small, samples, encoder_topic):
+    """Each for its own topic."""
+    other = small.add_topic(encoder_topic._replace(name="/other"))
     for start in range(0, 10_000, 1000):
         small.put(samples(1, range(start, start + 1000)))
     waiting = small.status().waiting
-    assert 0 < waiting < 10_000
+    small.put(samples(other, range(1000)))
     status = small.close()
-    assert (status.messages, status.dropped) == (waiting, 10_000 - waiting)
-    assert status.audit["/screw/encoder"].dropped == 10_000 - waiting
-    assert status.error == ""
+    assert (status.messages, status.dropped, status.error) == (waiting, 11_000 - waiting, "")
+    assert status.audit["/screw/encoder"].dropped == 10_000 - waiting > 0
+    assert status.audit["/other"].dropped == 1000
 
 
 def test_what_was_written_makes_room_in_the_cache(small, samples):
@@ -82,25 +76,14 @@ def test_what_was_written_makes_room_in_the_cache(small, samples):
     assert (status.messages, status.dropped) == (20_000, 0), "more than twice the cache in all"
 
 
-def test_what_is_refused_counts_for_its_own_topic(small, samples, encoder_topic):
-    other = small.add_topic(encoder_topic._replace(name="/other"))
-    for start in range(0, 8000, 1000):
-        small.put(samples(1, range(start, start + 1000)))
-    kept = small.status().waiting
-    small.put(samples(other, range(1000)))
-    audit = small.close().audit
-    assert audit["/screw/encoder"].dropped == 8000 - kept > 0
-    assert audit["/other"].dropped == 1000
-
-
 def test_closing_writes_what_waits(session, samples):
     session.put(samples(1, range(25)))
     status = session.close()
     assert (status.messages, status.error) == (25, "")
-    assert stored(session) == 25
+    assert ticks(session.folder) == list(range(25))
 
 
-def test_thread_writes_all_that_another_hands_over(session, samples, wait_until):
+def test_thread_writes_all_that_another_hands_over(session, samples):
     session.start()
     batches = [samples(1, range(start, start + 50)) for start in range(0, 2000, 50)]
 
@@ -156,3 +139,112 @@ def test_a_folder_or_an_unknown_home_is_no_configuration(tmp_path):
     found = file_hashes([str(tmp_path), "~nosuchuser/x"])
     assert all(text.startswith("unreadable: ") for text in found.values())
     assert len(found) == 2
+
+
+# A disk that is full.
+
+
+class SmallDisk(io.FileIO):
+    """A file on a disk with little room: writes what fits, then says ENOSPC, as Linux does."""
+
+    room = 0
+
+    def write(self, data):
+        fits = min(len(data), SmallDisk.room)
+        if fits == 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        SmallDisk.room -= fits
+        return super().write(data[:fits])
+
+
+@pytest.fixture
+def fill(monkeypatch):
+    """Return what leaves this room on the disk [B]; it has much before."""
+    monkeypatch.setattr(SmallDisk, "room", 10**9)
+
+    def opened(path, mode, opener=None, **options):
+        return SmallDisk(path, mode, opener=opener) if "b" in mode else open(path, mode, **options)
+
+    monkeypatch.setattr(mcap_file, "open", opened, raising=False)
+    return lambda room: monkeypatch.setattr(SmallDisk, "room", room)
+
+
+@pytest.fixture
+def writer(tmp_path, encoder_topic, samples, fill):
+    """A bag with 100 samples safe on the disk."""
+    writer = Bag(tmp_path / "bag")
+    writer.write(samples(writer.add_topic(encoder_topic), range(100)))
+    writer.flush()
+    return writer
+
+
+@pytest.mark.parametrize("room", [0, 1, 100, 3000])
+def test_bag_ends_with_the_last_flush_and_the_loss_is_told(writer, samples, fill, room):
+    before = (writer.folder / "bag_0.mcap").read_bytes()
+    fill(room)
+    writer.write(samples(1, range(100, 3000)))
+    with pytest.raises(BagError, match="writing the bag failed: No space left"):
+        writer.flush()
+    assert (writer.folder / "bag_0.mcap").read_bytes() == before
+    assert ticks(writer.folder) == list(range(100))
+    assert writer.message_count == 100
+    with pytest.raises(BagError, match="the bag is closed"):
+        writer.write(samples(1, [3000]))
+    writer.close()
+    assert not (writer.folder / "metadata.yaml").exists()
+    fill(10**9)
+    assert recover(writer.folder).messages == 100
+
+
+def recording(writer, encoder_topic, **options):
+    made = Recording(writer, **options)
+    made.add_topic(encoder_topic)  # the writer has it
+    return made
+
+
+def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fill, encoder_topic):
+    """Also what was taken from the queue before the write that failed."""
+    session = recording(writer, encoder_topic, free_space=lambda: SECOND)
+    fill(10)
+    session.put(samples(1, range(100, 2000)))
+    session.work(0)
+    session.work(2 * SECOND)
+    session.put(samples(1, range(2000, 2010)))
+    status = session.close()
+    assert "No space left" in status.error
+    assert (status.messages, status.dropped) == (100, 1910)
+    assert status.audit["/screw/encoder"].dropped == 1910
+    assert ticks(writer.folder) == list(range(100))
+
+
+def test_recording_stops_in_good_order_before_the_disk_is_full(writer, samples, encoder_topic):
+    free = iter([10**9, 10**6])
+    session = recording(writer, encoder_topic, free_space=lambda: next(free))
+    for turn in range(3):
+        session.put(samples(1, range(100 + turn, 101 + turn)))
+        session.work(turn * SECOND)
+    session.put(samples(1, [103]))
+    status = session.close()
+    assert "1 MiB left" in status.error
+    assert (status.messages, status.dropped) == (103, 1)
+    assert ticks(writer.folder) == list(range(103))
+    assert "closed" in (writer.folder / "metadata.yaml").read_text()
+
+
+def test_a_deleted_folder_is_told_at_the_next_flush(writer, samples, encoder_topic):
+    session = recording(writer, encoder_topic, free_space=lambda: SECOND)
+    session.put(samples(1, range(100, 110)))
+    session.work(0)
+    shutil.rmtree(writer.folder)
+    session.work(SECOND)
+    status = session.status()
+    assert "No such file or directory" in status.error
+    assert status.dropped == 10
+    session.close()
+
+
+def test_disk_already_full_at_the_start(tmp_path, fill):
+    fill(10)
+    with pytest.raises(BagError, match="No space left"):
+        Bag(tmp_path / "bag")
+    assert list(tmp_path.iterdir()) == []

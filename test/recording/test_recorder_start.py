@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 from datetime import datetime
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import rclpy
@@ -18,14 +19,6 @@ from std_srvs.srv import Trigger
 from screw_module_ros.nodes import session_recorder
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.recording.records import information
-
-
-class SameSecond:
-    """A system clock that stands."""
-
-    @staticmethod
-    def now() -> datetime:
-        return datetime(2001, 1, 31, 12, 0, 0)
 
 
 @pytest.fixture
@@ -47,32 +40,25 @@ def recorder(tmp_path, monkeypatch, request):
     rclpy.shutdown()
 
 
-def start(node: SessionRecorder) -> str:
-    """Call ~/start; return the folder, or what is wrong."""
-    return called(node, "start", Trigger)
-
-
-def called(node: SessionRecorder, service_name: str, kind: type, **fields: str) -> str:
-    """Call a service of the node; return its answer."""
+def called(node: SessionRecorder, service_name: str, kind: type = Trigger, **fields: str) -> str:
+    """Call a service of the node; return its answer: of ~/start the folder, or what is wrong."""
     (service,) = (each for each in node.services if each.srv_name.endswith(f"/{service_name}"))
     return service.callback(kind.Request(**fields), kind.Response()).message
 
 
-def name(node: SessionRecorder, text: str) -> None:
-    give(node, "name", text)
-
-
-def give(node: SessionRecorder, key: str, value: object) -> None:
-    (result,) = node.set_parameters([Parameter(key, value=value)])
-    assert result.successful, result.reason
+def give(node: SessionRecorder, **parameters: object) -> None:
+    for key, value in parameters.items():
+        (result,) = node.set_parameters([Parameter(key.replace("__", "."), value=value)])
+        assert result.successful, result.reason
 
 
 def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
-    monkeypatch.setattr(session_recorder, "datetime", SameSecond)
+    same_second = datetime(2001, 1, 31, 12, 0, 0)
+    monkeypatch.setattr(session_recorder, "datetime", Mock(now=Mock(return_value=same_second)))
     folders = []
     for _ in range(3):
-        folders.append(Path(start(recorder)))
-        recorder._on_stop(Trigger.Request())
+        folders.append(Path(called(recorder, "start")))
+        called(recorder, "stop")
     stem = "session_2001_01_31-12_00_00"
     assert [f.name for f in folders] == [stem, f"{stem}_2", f"{stem}_3"]
     assert all((folder / "metadata.yaml").is_file() for folder in folders)
@@ -80,12 +66,12 @@ def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
 
 def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
     """A name that stayed would be a patient's on somebody else's recording."""
-    name(recorder, "by_hand")
+    give(recorder, name="by_hand")
     folders = [Path(called(recorder, "record", StartRecording, name="P-7K3QX_clock"))]
     assert "already recording" in called(recorder, "record", StartRecording, name="other")
-    recorder._on_stop(Trigger.Request())
-    folders.append(Path(start(recorder)))
-    recorder._on_stop(Trigger.Request())
+    called(recorder, "stop")
+    folders.append(Path(called(recorder, "start")))
+    called(recorder, "stop")
     assert [folder.name for folder in folders] == ["P-7K3QX_clock", "by_hand"]
     folder = Path(called(recorder, "record", StartRecording))
     assert folder.name.startswith("session_2")
@@ -93,9 +79,9 @@ def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
 
 @pytest.mark.parametrize("text", ["../x", "/tmp/x", "..", "a/b"])
 def test_a_name_leads_nowhere_else(recorder, tmp_path, text):
-    name(recorder, text)
+    give(recorder, name=text)
     assert "no plain name" in recorder.health().message  # before anybody starts
-    assert "no plain name" in start(recorder)
+    assert "no plain name" in called(recorder, "start")
     assert "no plain name" in called(recorder, "record", StartRecording, name=text)
     assert not (tmp_path / "x").exists() and not (tmp_path / "bags").exists()
 
@@ -108,9 +94,8 @@ def test_who_can_send_messages_does_not_choose_the_folder(recorder, tmp_path):
 def test_a_recorder_that_cannot_record_is_not_well(recorder, tmp_path):
     assert recorder.health().level == DiagnosticStatus.OK
     (tmp_path / "bags").write_text("")
-    health = recorder.health()
-    assert health.level == DiagnosticStatus.ERROR
-    assert f"{tmp_path / 'bags'} is no folder" in health.message
+    assert recorder.health().level == DiagnosticStatus.ERROR
+    assert f"{tmp_path / 'bags'} is no folder" in recorder.health().message
     (tmp_path / "bags").unlink()
     assert recorder.health().level == DiagnosticStatus.OK
 
@@ -118,9 +103,9 @@ def test_a_recorder_that_cannot_record_is_not_well(recorder, tmp_path):
 @pytest.mark.parametrize("pattern", ["*", "/screw/*"])
 def test_a_pattern_names_no_topic(recorder, tmp_path, pattern):
     """Nothing is left of a recording that could not start."""
-    name(recorder, "bag")
-    give(recorder, "topics", [pattern])
-    assert start(recorder).startswith(f"topics: {pattern!r} is no topic name")
+    give(recorder, name="bag")
+    give(recorder, topics=[pattern])
+    assert called(recorder, "start").startswith(f"topics: {pattern!r} is no topic name")
     assert not (tmp_path / "bags" / "bag").exists()
 
 
@@ -128,7 +113,7 @@ def test_a_pattern_names_no_topic(recorder, tmp_path, pattern):
 def test_nor_does_it_when_the_recording_begins_with_the_node(recorder):
     """The error of rclpy escaped there: the node did not become active."""
     recorder.trigger_deactivate()
-    give(recorder, "topics", ["/screw/*"])
+    give(recorder, topics=["/screw/*"])
     recorder.trigger_activate()
     assert recorder.active and "'/screw/*' is no topic name" in recorder.health().message
 
@@ -147,17 +132,16 @@ def test_what_hinders_the_recording_at_the_start_is_told(recorder, tmp_path, obs
         shutil.rmtree(tmp_path / "bags")
         (tmp_path / "bags").write_text("")
     recorder.trigger_activate()
-    health = recorder.health()
-    assert health.level == DiagnosticStatus.ERROR
-    assert sentence in health.message
-    assert sentence in start(recorder)
-    assert called(recorder, "stop", Trigger) == "not recording"
+    assert recorder.health().level == DiagnosticStatus.ERROR
+    assert sentence in recorder.health().message
+    assert sentence in called(recorder, "start")
+    assert called(recorder, "stop") == "not recording"
 
 
 def test_full_disk_is_told_and_the_recorder_lives_on(recorder, wait_until):
-    name(recorder, "bag")
-    give(recorder, "storage.min_free_space", 2**40)  # more than any disk has
-    bag = Path(start(recorder))
+    give(recorder, name="bag")
+    give(recorder, storage__min_free_space=2**40)  # more than any disk has
+    bag = Path(called(recorder, "start"))
 
     def is_told() -> bool:
         recorder.step()
@@ -167,4 +151,4 @@ def test_full_disk_is_told_and_the_recorder_lives_on(recorder, wait_until):
     assert "left on the disk" in recorder.health().message
     assert recorder.health().values["recording"] is False, "though it lasts until it is stopped"
     assert information(bag)["custom_data"]["screw_module_ros/state"] == "closed"
-    assert "never overwritten" in start(recorder), "the name is taken"
+    assert "never overwritten" in called(recorder, "start"), "the name is taken"

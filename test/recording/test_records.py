@@ -4,14 +4,12 @@
 import mcap.writer
 import numpy as np
 import pytest
+from bag_counts import MS, START
 from mcap_ros2.writer import Writer
 
-from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
+from screw_module_ros.recording.bag import Bag, BagError, Message
 from screw_module_ros.recording.decoded import calibrations, columns, read_bag, topics
 from screw_module_ros.recording.records import File, information, notes
-
-START = 1_700_000_000_000_000_000
-MS = 1_000_000
 
 
 def test_columns_of_a_flat_message(bag):
@@ -23,29 +21,35 @@ def test_columns_of_a_flat_message(bag):
     assert found["homed"].dtype == bool
 
 
-def test_columns_of_nested_fields_arrays_and_texts(tmp_path, definitions, codec):
-    writer = Bag(tmp_path / "b")
-    for name in ("EndpointState", "PlanarState", "SafetyState"):
-        kind = f"screw_module_msgs/msg/{name}"
-        writer.add_topic(Topic(f"/{name}", kind, definitions.find(kind), codec.hash(kind)))
-    for number in range(3):
-        time = START + number
-        values = {
-            "EndpointState": {"position": {"z": number * 0.1}, "header": {"frame_id": "manus"}},
-            "PlanarState": {"joint_position": [number, 2.0]},
-            "SafetyState": {"reasons": ["x"] * number},
-        }
-        for channel, (name, content) in enumerate(values.items(), 1):
-            data = codec.encode(f"screw_module_msgs/msg/{name}", content)
-            writer.write([(channel, time, time, 1, data)])
-    writer.close()
-    state = columns(tmp_path / "b", "/EndpointState")
+@pytest.fixture
+def written(tmp_path, topic, codec):
+    """Return a maker of bags: topics as name, kind, values of each message."""
+
+    def make(*topics):
+        writer = Bag(tmp_path / "b")
+        for name, kind, messages in topics:
+            channel = writer.add_topic(topic(name, kind))
+            for number, values in enumerate(messages):
+                data = codec.encode(f"screw_module_msgs/msg/{kind}", values)
+                writer.write([Message(channel, START + number, START, 1, data)])
+        writer.close()
+        return writer.folder
+
+    return make
+
+
+def test_columns_of_nested_fields_arrays_and_texts(written):
+    places = [{"position": {"z": z}, "header": {"frame_id": "manus"}} for z in (0.0, 0.1, 0.2)]
+    bag = written(
+        ("/endpoint", "EndpointState", places),
+        ("/plane", "PlanarState", [{"joint_position": [number, 2.0]} for number in range(3)]),
+        ("/safety", "SafetyState", [{"reasons": ["x"] * number} for number in range(3)]),
+    )
+    state, plane = columns(bag, "/endpoint"), columns(bag, "/plane")
     np.testing.assert_allclose(state["position.z"], [0.0, 0.1, 0.2])
     assert list(state["header.frame_id"]) == ["manus"] * 3
-    plane = columns(tmp_path / "b", "/PlanarState")
     np.testing.assert_allclose(plane["joint_position"], [[0, 2], [1, 2], [2, 2]])
-    reasons = columns(tmp_path / "b", "/SafetyState")["reasons"]
-    assert [len(texts) for texts in reasons] == [0, 1, 2]
+    assert [len(texts) for texts in columns(bag, "/safety")["reasons"]] == [0, 1, 2]
     assert not any(name.isupper() for name in plane)
 
 
@@ -62,16 +66,10 @@ def test_messages_one_by_one_raw_types_and_notes(bag):
     assert notes(bag)["configuration"] == {"sim.yaml": "sha256:0"}
 
 
-def test_calibrations_are_those_of_the_last_messages(tmp_path, codec, definitions):
+def test_calibrations_are_those_of_the_last_messages(written):
     """Of texts of that name only: a number in a message of somebody else is another thing."""
-    kind = "screw_module_msgs/msg/AmplifierState"
-    writer = Bag(tmp_path / "b")
-    channel = writer.add_topic(Topic("/a", kind, definitions.find(kind), codec.hash(kind)))
-    for number, name in enumerate(("old", "new")):
-        data = codec.encode(kind, {"calibration": name})
-        writer.write([Message(channel, START + number, START, 1, data)])
-    writer.close()
-    assert calibrations(tmp_path / "b") == {"/a": "new"}
+    told = [{"calibration": "old"}, {"calibration": "new"}]
+    assert calibrations(written(("/a", "AmplifierState", told))) == {"/a": "new"}
 
 
 def test_topic_that_is_not_there_is_named_with_those_that_are(bag):
@@ -79,11 +77,8 @@ def test_topic_that_is_not_there_is_named_with_those_that_are(bag):
         columns(bag, "/nowhere")
 
 
-def test_topic_without_messages(tmp_path, encoder_topic):
-    writer = Bag(tmp_path / "b")
-    writer.add_topic(encoder_topic)
-    writer.close()
-    assert columns(tmp_path / "b", "/screw/encoder")["log_time"].size == 0
+def test_topic_without_messages(record):
+    assert columns(record([]), "/screw/encoder")["log_time"].size == 0
 
 
 def test_path_that_is_no_bag(tmp_path):

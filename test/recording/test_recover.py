@@ -3,20 +3,22 @@
 
 import os
 import shutil
+import signal
 import struct
+import subprocess
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from bag_counts import ticks
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from screw_module_ros.recording import records
-from screw_module_ros.recording.bag import Bag, BagError, StorageSettings
-from screw_module_ros.recording.records import File
-from screw_module_ros.recording.recover import recover
+from screw_module_ros.recording.bag import BagError
+from screw_module_ros.recording.recover import recover, unfinished
 from screw_module_ros.recording.verify import verify
 from screw_module_ros.session_command import main
 
@@ -33,62 +35,41 @@ class Part(NamedTuple):
     ticks: list[int]
 
 
-def ticks(folder):
-    file = File(folder / f"{folder.name}_0.mcap")
-    return [int.from_bytes(message.data[12:16], "little") for _, message in file.messages()]
-
-
 def parts_of(content):
     """Return the records of a whole file by their lengths, without the recorder's own code."""
     found, place, seen = [], 8, 0
-    sizes = []
-    with_index = memoryview(content)
     while place < len(content) - 8:
-        opcode, length = struct.unpack_from("<BQ", with_index, place)
-        sizes.append((opcode, place, place + 9 + length))
-        place += 9 + length
-    for opcode, begin, end in sizes:
-        number = 0
+        opcode, length = struct.unpack_from("<BQ", content, place)
+        end, number = place + 9 + length, 0
         if opcode == 6:
-            following = [o for o, b, _ in sizes if b >= end]
-            assert following[0] == 7
-            index = content[end + 9 + 2 :]
-            number = struct.unpack_from("<I", index)[0] // 16
-        found.append(Part(begin, end, list(range(seen, seen + number))))
-        seen += number
+            following, _, _, size = struct.unpack_from("<BQHI", content, end)
+            assert following == 7  # the index of the chunk tells how many messages it holds
+            number = size // 16
+        found.append(Part(place, end, list(range(seen, seen + number))))
+        place, seen = end, seen + number
     return found
 
 
 @pytest.fixture
-def damaged(tmp_path, encoder_topic, samples):
-    """Return what recovers a file with this content: the ticks found, checked by other readers."""
-    bag = tmp_path / "bag"
-    writer = Bag(bag, StorageSettings(chunk_size=3000))
-    writer.write(samples(writer.add_topic(encoder_topic), range(TICKS)))
-    writer.note("configuration", {"sim.yaml": "sha256:0"})
-    writer.close()
-    content = (bag / FILE).read_bytes()
+def damaged(tmp_path, record):
+    """Return what recovers a file with this content: the ticks found, checked by another reader."""
+    bag = record(range(TICKS), notes={"configuration": {"sim.yaml": "sha256:0"}}, chunk_size=3000)
 
     def recovered(changed):
-        folder = tmp_path / "changed" / "bag"
-        shutil.rmtree(folder, ignore_errors=True)
-        shutil.rmtree(f"{folder}_recovered", ignore_errors=True)
-        shutil.copytree(bag, folder)
+        shutil.rmtree(tmp_path / "changed", ignore_errors=True)
+        folder = shutil.copytree(bag, tmp_path / "changed" / "bag")
         (folder / FILE).write_bytes(changed)
         try:
             found = recover(folder)
         except BagError:  # nothing can be read
             return []
         assert (folder / FILE).read_bytes() == changed
-        with (found.folder / "bag_recovered_0.mcap").open("rb") as file:
-            numbers = [
-                int.from_bytes(message.data[12:16], "little")
-                for _, _, message in make_reader(file, validate_crcs=True).iter_messages()
-            ]
+        numbers = ticks(found.folder)
         assert len(numbers) == found.messages
         return numbers
 
-    recovered.content, recovered.parts = content, parts_of(content)
+    recovered.content = (bag / FILE).read_bytes()
+    recovered.parts = parts_of(recovered.content)
     assert sum(len(part.ticks) for part in recovered.parts) == TICKS
     return recovered
 
@@ -170,15 +151,10 @@ def test_a_file_without_anything_is_told_and_leaves_no_copy(tmp_path, content):
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
 
 
-def test_several_files_become_one_bag(tmp_path, encoder_topic, samples):
-    writer = Bag(tmp_path / "b", StorageSettings(max_file_duration=1.0))
-    channel = writer.add_topic(encoder_topic)
-    for start in range(0, 2500, 100):
-        writer.write(samples(channel, range(start, start + 100)))
-        writer.flush()
-    writer.close()
-    assert len(list((tmp_path / "b").glob("*.mcap"))) == 3
-    assert ticks(recover(tmp_path / "b").folder) == list(range(2500))
+def test_several_files_become_one_bag(record):
+    bag = record(range(2500), max_file_duration=0.9)
+    assert len(list(bag.glob("*.mcap"))) == 3
+    assert ticks(recover(bag).folder) == list(range(2500))
 
 
 @pytest.mark.parametrize(("largest", "kept"), [(2**20, 10), (100, 0)])
@@ -220,3 +196,64 @@ def test_a_session_of_an_older_version_is_replayed_bit_for_bit(capsys):
     (session,) = BAGS.glob("P-7K3QX_*")
     assert main(["replay", str(session)]) == 0
     assert "equal: 4 trials from 774 samples, bit for bit" in capsys.readouterr().out
+
+
+WRITER = """
+import sys
+from screw_module_ros.recording.bag import Bag, StorageSettings, Topic
+from screw_module_ros.recording.definitions import Definition
+TEXT = (
+    "builtin_interfaces/Time stamp\\nuint32 sequence\\n" + "\\n" + "=" * 80
+    + "\\nMSG: builtin_interfaces/Time\\nint32 sec\\nuint32 nanosec\\n"
+)
+writer = Bag(sys.argv[1], StorageSettings(chunk_size=4096))
+topic = Topic("/x", "own_msgs/msg/X", Definition("ros2msg", TEXT, ""))
+channel = writer.add_topic(topic)
+writer.note("configuration", {"a": "b"})
+number = 0
+while True:
+    batch = []
+    for _ in range(100):
+        data = b"\\0\\1\\0\\0" + bytes(8) + number.to_bytes(4, "little")
+        batch.append((channel, 10**18 + number * 10**6, 10**18, number + 1, data))
+        number += 1
+    writer.write(batch)
+    writer.flush()
+    print(number, flush=True)
+"""
+
+
+@pytest.fixture(params=[1, 7, 60])
+def killed(tmp_path, wait_until, request):
+    """Return the bag and the number of messages its writer had flushed when it was killed."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(tmp_path / "bag")],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    flushed = 0
+    for _ in range(request.param):
+        flushed = int(process.stdout.readline())
+    process.send_signal(signal.SIGSTOP)
+    state = Path(f"/proc/{process.pid}/stat")
+    wait_until(lambda: state.read_text().rpartition(")")[2].split()[0] == "T")
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    rest = process.stdout.read().split()
+    process.stdout.close()
+    return tmp_path / "bag", int(rest[-1]) if rest else flushed
+
+
+def test_what_a_killed_recorder_flushed_is_recovered(killed):
+    bag, flushed = killed
+    assert any("(state: unfinished)" in problem for problem in verify(bag).problems)
+    assert unfinished(bag.parent) == [bag]
+    found = recover(bag)
+    assert found.folder == bag.with_name("bag_recovered")
+    assert found.messages >= flushed
+    assert ticks(found.folder) == list(range(found.messages))
+    assert unfinished(bag.parent) == []
+    report = verify(found.folder)
+    assert report.problems == ["the bag is a recovered copy: what was lost before is not known"]
+    assert report.notes["configuration"] == {"a": "b"}

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from rclpy.duration import Infinite
@@ -68,53 +69,34 @@ def test_messages_of_another_version_are_recorded_without_a_definition():
 class Silent:
     """A graph in which no node answers; names: the nodes that are there."""
 
-    def __init__(self):
-        self.names: list[str] = []
+    get_namespace = Mock(return_value="/")
+    get_fully_qualified_name = Mock(return_value="/session_recorder")
+    create_client = destroy_client = Mock()
+
+    def __init__(self, *names: str):
+        self.names = names
 
     def get_service_names_and_types(self):
         types = ["rcl_interfaces/srv/GetParameters"]
         return [(f"{name}/get_parameters", types) for name in self.names]
 
-    def get_namespace(self):
-        return "/"
 
-    def get_fully_qualified_name(self):
-        return "/session_recorder"
-
-    def create_client(self, kind, service):
-        pending = SimpleNamespace(add_done_callback=lambda done: None)
-        return SimpleNamespace(call_async=lambda request: pending)
-
-    def destroy_client(self, client):
-        pass
-
-
-def test_a_node_that_stays_and_keeps_silent_is_noted():
-    silent = Silent()
-    parameters = NodeParameters(silent)
-    silent.names = ["/manus"]
+@pytest.mark.parametrize(
+    ("name", "noted"),
+    [("/manus", {"/manus": NO_ANSWER}), ("/left/manus", {})],
+    ids=["it stays and keeps silent", "of another robot"],
+)
+def test_a_node_that_does_not_answer(name, noted):
+    parameters = NodeParameters(Silent(name))
     for _ in range(6):
         parameters.ask()
-    assert parameters.values == {"/manus": NO_ANSWER}
+    assert parameters.values == noted
 
 
-def test_a_script_that_is_run_again_and_again_is_not():
+def test_a_script_that_is_run_again_and_again_is_not_noted():
     """Each run ends before it could answer; `verify` would call the bag incomplete."""
-    silent = Silent()
-    parameters = NodeParameters(silent)
-    for _ in range(6):
-        silent.names = ["/my_script"]
-        parameters.ask()
-        parameters.ask()
-        silent.names = []
-        parameters.ask()
-    assert parameters.values == {}
-
-
-def test_the_nodes_of_another_robot_are_not_asked():
-    silent = Silent()
-    parameters = NodeParameters(silent)
-    silent.names = ["/left/manus"]
-    for _ in range(6):
+    parameters = NodeParameters(silent := Silent())
+    for names in ([], *[["/my_script"], ["/my_script"], []] * 6):
+        silent.names = names
         parameters.ask()
     assert parameters.values == {}

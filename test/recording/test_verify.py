@@ -1,27 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """`session verify` counts again and reports complete, or the gaps."""
 
-import pytest
+import os
 
-from screw_module_ros.recording.bag import Bag, Message, Topic
+import pytest
+from bag_counts import MS, START
+
+from screw_module_ros.recording.bag import Bag, Message
 from screw_module_ros.recording.counts import Counts, Gap
 from screw_module_ros.recording.recorder import NO_ANSWER
 from screw_module_ros.recording.verify import verify
 from screw_module_ros.session_command import main
-
-START = 1_700_000_000_000_000_000
-MS = 1_000_000
-
-
-@pytest.fixture
-def gappy(tmp_path, encoder_topic, samples):
-    """A bag with 3 samples missing after the 100th and 1 after the 200th."""
-    writer = Bag(tmp_path / "gappy")
-    channel = writer.add_topic(encoder_topic)
-    writer.write(samples(channel, [*range(100), *range(103, 200), *range(201, 300)]))
-    writer.note("audit", {"/screw/encoder": Counts(dropped=2).as_text()})
-    writer.close()
-    return tmp_path / "gappy"
 
 
 def test_complete_bag(bag, capsys):
@@ -34,14 +23,18 @@ def test_complete_bag(bag, capsys):
     assert "NOTE" not in out
 
 
-def test_gaps_are_counted_and_placed(gappy, capsys):
+def test_gaps_are_counted_and_placed(record, capsys):
+    """3 samples are missing after the 100th and 1 after the 200th."""
+    gappy = record(
+        [*range(100), *range(103, 200), *range(201, 300)],
+        notes={"audit": {"/screw/encoder": Counts(dropped=2).as_text()}},
+    )
     report = verify(gappy)
     counts = report.topics["/screw/encoder"]
     assert (counts.gaps, counts.lost, counts.dropped) == (2, 4, 2)
     assert report.gaps["/screw/encoder"] == [Gap(START + 99 * MS, 3), Gap(START + 199 * MS, 1)]
-    (problem,) = report.problems
-    assert problem == "/screw/encoder: of 296 messages 4 lost in 2 gaps, 2 not written"
-    assert report.losses == [problem]
+    sentence = "/screw/encoder: of 296 messages 4 lost in 2 gaps, 2 not written"
+    assert report.problems == report.losses == [sentence]
     assert main(["verify", str(gappy)]) == 1
     out = capsys.readouterr().out
     assert f"3 missing after {START + 99 * MS} ns" in out
@@ -63,8 +56,7 @@ def test_counts_that_differ_from_the_metadata_file(bag):
 def test_a_renamed_file_is_found(bag):
     """The bag was called complete, though no reader could open it."""
     (bag / "bag_0.mcap").rename(bag / "mine_0.mcap")
-    (problem,) = verify(bag).problems
-    assert problem == "metadata.yaml lists bag_0.mcap, but there are mine_0.mcap"
+    assert verify(bag).problems == ["metadata.yaml lists bag_0.mcap, but there are mine_0.mcap"]
 
 
 def test_a_bag_that_is_being_recorded_is_not_called_damaged_alone(tmp_path, encoder_topic, samples):
@@ -78,10 +70,14 @@ def test_a_bag_that_is_being_recorded_is_not_called_damaged_alone(tmp_path, enco
     assert verify(tmp_path / "live").complete
 
 
-def test_torn_file(bag):
-    with (bag / "bag_0.mcap").open("r+b") as file:
-        file.truncate(40_000)
-    problems = verify(bag).problems
+@pytest.fixture
+def torn(bag):
+    os.truncate(bag / "bag_0.mcap", 40_000)
+    return bag
+
+
+def test_torn_file(torn):
+    problems = verify(torn).problems
     assert "bag_0.mcap has no whole index: cut off or damaged; run: session recover" in problems
     assert any(": cut off or damaged from byte " in problem for problem in problems)
     assert "bag_0.mcap was altered or damaged: its SHA-256 differs" in problems
@@ -90,9 +86,8 @@ def test_torn_file(bag):
 @pytest.mark.parametrize("place", [1, 30])
 def test_a_damaged_beginning_is_named_beside_the_hash(bag, place):
     """Readers refuse such a file, also one of an older version, which has no hash."""
-    data = bytearray((bag / "bag_0.mcap").read_bytes())
-    data[place] = 0xFF
-    (bag / "bag_0.mcap").write_bytes(data)
+    data = (bag / "bag_0.mcap").read_bytes()
+    (bag / "bag_0.mcap").write_bytes(data[:place] + b"\xff" + data[place + 1 :])
     report = verify(bag)
     assert report.topics["/screw/encoder"].messages == 5000
     assert len(report.problems) == 2
@@ -111,47 +106,20 @@ def test_info_shows_what_was_noted(bag, capsys):
     assert "sim.yaml: sha256:0" in capsys.readouterr().out
 
 
-def test_recover_command(bag, capsys):
-    with (bag / "bag_0.mcap").open("r+b") as file:
-        file.truncate(40_000)
-    before = (bag / "bag_0.mcap").read_bytes()
-    assert main(["recover", str(bag)]) == 0
+def test_recover_command(torn, capsys):
+    before = (torn / "bag_0.mcap").read_bytes()
+    assert main(["recover", str(torn)]) == 0
     assert "bag_recovered: " in capsys.readouterr().out
-    assert (bag / "bag_0.mcap").read_bytes() == before
-    assert main(["info", f"{bag}_recovered"]) == 0
-    capsys.readouterr()
-    assert main(["recover", str(bag)]) == 1
+    assert (torn / "bag_0.mcap").read_bytes() == before
+    assert main(["info", f"{torn}_recovered"]) == 0
+    assert main(["recover", str(torn)]) == 1
     assert "never overwritten" in capsys.readouterr().err
 
 
-def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
-    tmp_path, encoder_topic, samples
-):
+def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(record, encoder_topic):
     """With another `exclude` of the recorder they are in the bag: four fifths seemed lost."""
-    writer = Bag(tmp_path / "thinned")
-    name = "/screw/encoder/decimated"
-    channel = writer.add_topic(encoder_topic._replace(name=name))
-    writer.write(samples(channel, range(0, 500, 5)))
-    writer.close()
-    assert verify(tmp_path / "thinned").problems == []
-
-
-def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
-    tmp_path, codec, definitions
-):
-    """Its `sequence` is that of the newest sample of the hand: it seemed to have lost messages."""
-    kind = "screw_module_msgs/msg/TherapyState"
-    writer = Bag(tmp_path / "told")
-    channel = writer.add_topic(Topic("/therapy/state", kind, definitions.find(kind)))
-    heard = [*range(0, 1000, 50), *[950] * 20, *range(2000, 3000, 50)]
-    writer.write(
-        Message(channel, START + n * MS, START, n + 1, codec.encode(kind, {"sequence": number}))
-        for n, number in enumerate(heard)
-    )
-    writer.close()
-    report = verify(tmp_path / "told")
-    assert report.problems == []
-    assert report.verdict.endswith("1 topics: 1 counted by message numbers")
+    thinned = encoder_topic._replace(name="/screw/encoder/decimated")
+    assert verify(record(range(0, 500, 5), thinned)).problems == []
 
 
 def test_what_was_noted_is_kept_and_an_altered_file_is_found(bag):
@@ -166,36 +134,30 @@ def test_what_was_noted_is_kept_and_an_altered_file_is_found(bag):
 # What the data alone do not tell: topics that are silent, halved, or cannot be counted.
 
 OWN = "screw_module_msgs/msg/"
-ENCODER, PLANE = OWN + "EncoderSample", OWN + "PlanarState"
 RATES = {
     "/encoder": '{"rate": 1000.0}',
     "/manus": '{"rate": 500.0, "state_every": 4}',
 }
+TICKED = ("EncoderSample", "PlanarState")
 
 
 @pytest.fixture
-def write(tmp_path, codec, definitions):
+def write(tmp_path, codec, topic):
     """Return a maker of bags: topics as (name, type, ticks of its messages, period [ms])."""
 
-    def make(*topics, parameters=RATES, numbered=True, **notes):
+    def make(*topics, parameters=RATES, numbered=True, several="", **notes):
         writer = Bag(tmp_path / "made")
         for name, kind, ticks, period in topics:
-            topic = Topic(name, kind, definitions.find(kind), codec.hash(kind))
-            channel = writer.add_topic(topic)
+            channel = writer.add_topic(topic(name, kind))
             for number, tick in enumerate(ticks, 1):
-                values = {}
-                if kind in (ENCODER, PLANE):
-                    values = {"sequence": tick, "monotonic_ns": round(tick * period * MS)}
-                data = codec.encode(kind, values)
-                log_time = START + round(tick * period * MS)
-                writer.write(
-                    [Message(channel, log_time, log_time, number if numbered else 0, data)]
-                )
-            if notes.get("several") == name:
-                writer.note("audit", {name: Counts(missed=-1).as_text()})
-        writer.note("parameters", parameters)
-        if "refused" in notes:
-            writer.note("not recorded", notes["refused"])
+                since = round(tick * period * MS)
+                values = {"sequence": tick, "monotonic_ns": since} if kind in TICKED else {}
+                data, time = codec.encode(OWN + kind, values), START + since
+                writer.write([Message(channel, time, time, number if numbered else 0, data)])
+        if several:
+            writer.note("audit", {several: Counts(missed=-1).as_text()})
+        for title, note in ({"parameters": parameters} | notes).items():
+            writer.note(title.replace("_", " "), note)
         writer.close()
         return tmp_path / "made"
 
@@ -203,11 +165,29 @@ def write(tmp_path, codec, definitions):
 
 
 def encoder(ticks, period=1.0):
-    return ("/screw/encoder", ENCODER, ticks, period)
+    return ("/screw/encoder", "EncoderSample", ticks, period)
 
 
 def plane(ticks, period=2.0):
-    return ("/manus/state", PLANE, ticks, period)
+    return ("/manus/state", "PlanarState", ticks, period)
+
+
+SILENT = ("/screw/amplifier_state", "AmplifierState", [], 1.0)
+
+
+def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
+    tmp_path, codec, topic
+):
+    """Its `sequence` is that of the newest sample of the hand: it seemed to have lost messages."""
+    writer = Bag(tmp_path / "told")
+    channel = writer.add_topic(topic("/therapy/state", "TherapyState"))
+    for n, heard in enumerate([*range(0, 1000, 50), *[950] * 20, *range(2000, 3000, 50)], 1):
+        data = codec.encode(OWN + "TherapyState", {"sequence": heard})
+        writer.write([Message(channel, START + n * MS, START, n, data)])
+    writer.close()
+    report = verify(tmp_path / "told")
+    assert report.problems == []
+    assert report.verdict.endswith("1 topics: 1 counted by message numbers")
 
 
 def test_whole_bag_with_two_strides(write):
@@ -235,34 +215,47 @@ def test_a_stride_that_nobody_told_is_not_counted(write, told):
     )
 
 
-def test_a_node_that_told_nothing_is_named(write):
-    bag = write(encoder(range(10)), plane([0, 4]), parameters={**RATES, "/manus": NO_ANSWER})
-    assert verify(bag).problems == ["/manus: the node did not report its parameters"]
+PROBLEMS = {
+    "a node that told nothing": (
+        [encoder(range(10)), plane([0, 4])],
+        {"parameters": RATES | {"/manus": NO_ANSWER}},
+        "/manus: the node did not report its parameters",
+    ),
+    "nodes in a namespace": (
+        [encoder(range(600)), plane(range(0, 300, 8))],
+        {"parameters": {f"/left{name}": text for name, text in RATES.items()}},
+        "/manus/state: of 38 messages 37 lost in 37 gaps",
+    ),
+    "a jump of the sequence": (
+        [encoder([0, 1, 200_000, 200_001], period=1e-4), plane([0, 4])],
+        {},
+        "/screw/encoder: its sequence jumped 1 times, too far to count losses",
+    ),
+    "late, and early silent": (
+        [encoder(range(4000)), plane(range(600, 1000, 4))],
+        {},
+        "/manus/state: begins 1.2 s after the recording and ends 2.0 s before it",
+    ),
+    "a topic that is not there": (
+        [plane([0, 4])],
+        {},
+        f"/encoder was there, but no topic of type {OWN}EncoderSample is in the bag",
+    ),
+    "a topic that the recorder refused": (
+        [encoder(range(10)), plane([0, 4])],
+        {"not_recorded": {"/odd": "its type is not installed here"}},
+        "/odd: requested but not recorded: its type is not installed here",
+    ),
+}
 
 
-def test_nodes_in_a_namespace_are_found(write):
-    parameters = {f"/left{name}": text for name, text in RATES.items()}
-    bag = write(encoder(range(10)), plane(range(0, 3000, 8)), parameters=parameters)
-    assert "374 lost" in verify(bag).problems[0]
-
-
-def test_a_jump_of_the_sequence_is_no_clean_bill(write):
-    bag = write(encoder([0, 1, 200_000, 200_001], period=1e-4), plane([0, 4]))
-    assert verify(bag).problems == [
-        "/screw/encoder: its sequence jumped 1 times, too far to count losses"
-    ]
-
-
-def test_a_topic_that_begins_late_or_ends_early_is_named(write):
-    report = verify(write(encoder(range(4000)), plane(range(600, 1000, 4))))
-    assert report.problems == [
-        "/manus/state: begins 1.2 s after the recording and ends 2.0 s before it"
-    ]
+@pytest.mark.parametrize(("topics", "notes", "problem"), PROBLEMS.values(), ids=PROBLEMS)
+def test_what_is_wrong_is_named(write, topics, notes, problem):
+    assert verify(write(*topics, **notes)).problems == [problem]
 
 
 def test_a_silent_topic_is_named(write, capsys):
-    state = ("/screw/amplifier_state", OWN + "AmplifierState", [], 1.0)
-    bag = write(encoder([]), plane([0, 4]), state)
+    bag = write(encoder([]), plane([0, 4]), SILENT)
     report = verify(bag)
     assert report.problems == ["/screw/encoder: subscribed to, but no message arrived"]
     assert report.remarks == ["no message at all: /screw/amplifier_state, /screw/encoder"]
@@ -271,25 +264,13 @@ def test_a_silent_topic_is_named(write, capsys):
 
 
 def test_a_silent_topic_that_need_not_speak_is_no_problem(write):
-    state = ("/screw/amplifier_state", OWN + "AmplifierState", [], 1.0)
-    report = verify(write(encoder(range(10)), plane([0, 4]), state))
+    report = verify(write(encoder(range(10)), plane([0, 4]), SILENT))
     assert report.complete
     assert report.remarks == ["no message at all: /screw/amplifier_state"]
 
 
-def test_a_topic_that_is_not_there_at_all_is_named(write):
-    report = verify(write(plane([0, 4])))
-    assert report.problems == [f"/encoder was there, but no topic of type {ENCODER} is in the bag"]
-
-
-def test_a_topic_the_recorder_refused_is_a_problem(write):
-    refused = {"/odd": "its type odd_msgs/msg/Odd is not installed here"}
-    report = verify(write(encoder(range(10)), plane([0, 4]), refused=refused))
-    assert report.problems == [f"/odd: requested but not recorded: {refused['/odd']}"]
-
-
 def test_topics_that_cannot_be_counted_are_named(write, capsys):
-    state = ("/diagnostics", OWN + "AmplifierState", [1, 2, 3], 1.0)
+    state = ("/diagnostics", "AmplifierState", [1, 2, 3], 1.0)
     bag = write(encoder(range(10)), plane([0, 4]), state, several="/diagnostics")
     assert main(["verify", str(bag)]) == 0
     out = capsys.readouterr().out
