@@ -8,7 +8,22 @@ import json
 import threading
 from concurrent.futures import Future
 
-from screw_module_ros.bridge.rights import KEPT
+from screw_module_ros.bridge.rights import KEPT, Rights
+from screw_module_ros.bridge.server import Server
+from screw_module_ros.bridge.settings import Limits, Listening
+from screw_module_ros.bridge.tokens import Tokens
+from screw_module_ros.clock import WallClock
+
+TOKENS = Tokens("p" * 32, "t" * 32)
+CONFIG = {"robots": ["/"], "protocols": []}
+
+
+def make_server(gateway, limits=None, log=print, config=CONFIG, wishes=False, port=0, **listening):
+    """Return a server for a robot that is played."""
+    return Server(
+        Listening(port=port, **listening), limits or Limits(), TOKENS,
+        Rights(config["robots"], wishes), gateway, WallClock(), config, log,
+    )  # fmt: skip
 
 
 class FakeGateway:

@@ -28,8 +28,14 @@ def text(op, **more):
     return json.dumps({"op": op, **more})
 
 
-def sent(client, now_ns):
+def sent(client, now_ns=0):
     return [json.loads(each) for each in client.texts(now_ns)]
+
+
+def subscribed(gateway, topic="/endpoint_state", role=THERAPIST, limits=LIMITS, **more):
+    page = client(gateway, role, limits)
+    page.take(text("subscribe", topic=topic, **more), 0)
+    return page
 
 
 def run(gateway, acts, role=THERAPIST):
@@ -42,7 +48,7 @@ def run(gateway, acts, role=THERAPIST):
                 await asyncio.sleep(0)
         for task in asyncio.all_tasks() - {asyncio.current_task()}:
             task.cancel()
-        return sent(page, 0)
+        return sent(page)
 
     return asyncio.run(play())
 
@@ -64,7 +70,7 @@ def test_what_roslibjs_writes_is_understood(gateway):
     page.take(text("unadvertise", id="y", topic="/therapy/wish"), 0)
     assert page.subscribed == frozenset()
     assert gateway.published == [("/therapy/wish", {"data": 1.5})]
-    assert sent(page, 0) == []
+    assert sent(page) == []
 
 
 @pytest.mark.parametrize(
@@ -93,7 +99,7 @@ def test_what_roslibjs_writes_is_understood(gateway):
 def test_what_cannot_be_understood_is_told(gateway, text, told):
     page = client(gateway)
     page.take(text, 0)
-    (answer,) = sent(page, 0)
+    (answer,) = sent(page)
     assert answer["op"] == "status" and told in answer["msg"]
     assert len(answer["msg"]) < 400
     assert page.subscribed == frozenset()
@@ -112,7 +118,7 @@ def test_every_refusal_of_a_call_is_a_response(gateway, wrong):
     """roslibjs waits for one; a status tells its caller nothing."""
     page = client(gateway)
     page.take(text("call_service", id="mine", **wrong), 0)
-    (answer,) = sent(page, 0)
+    (answer,) = sent(page)
     assert (answer["op"], answer["id"], answer["result"]) == ("service_response", "mine", False)
     assert answer["values"] and gateway.calls == []
 
@@ -145,7 +151,7 @@ def test_no_text_does_more_than_be_refused(text):
     gateway = FakeGateway()
     page = client(gateway)
     page.take(text, 0)
-    (answer,) = sent(page, 0)
+    (answer,) = sent(page)
     assert answer["op"] in ("status", "service_response")
     assert (gateway.published, gateway.calls) == ([], [])
 
@@ -154,8 +160,7 @@ def test_no_text_does_more_than_be_refused(text):
 
 
 def test_of_a_topic_there_is_the_newest_sample_alone(gateway):
-    page = client(gateway)
-    page.take(text("subscribe", topic="/endpoint_state"), 0)
+    page = subscribed(gateway)
     for number in range(1000):
         gateway.tell("/endpoint_state", {"number": number})
     (message,) = sent(page, 10 * MS)
@@ -168,7 +173,7 @@ def test_of_results_each_one_comes_also_those_before(gateway):
     for trial in (1, 2):
         gateway.tell("/therapy/trial", {"trial": trial})
     page.take(text("subscribe", topic="/therapy/trial"), 0)
-    assert [each["msg"]["trial"] for each in sent(page, 0)] == [1, 2]
+    assert [each["msg"]["trial"] for each in sent(page)] == [1, 2]
     for trial in (3, 4):
         gateway.tell("/therapy/trial", {"trial": trial})
     assert [each["msg"]["trial"] for each in sent(page, 100 * MS)] == [3, 4]
@@ -178,114 +183,85 @@ def test_of_results_each_one_comes_also_those_before(gateway):
     assert [each["msg"]["trial"] for each in sent(page, 300 * MS)] == [4]
 
 
-def test_samples_may_be_asked_for_once_an_hour(gateway):
-    page = client(gateway)
-    page.take(text("subscribe", topic="/endpoint_state", throttle_rate=3_600_000), 0)
-    got = []
-    for second in range(0, 7200, 10):
-        gateway.tell("/endpoint_state", {"second": second})
-        got += [message["msg"]["second"] for message in sent(page, second * 1000 * MS)]
-    assert got == [0, 3600]
-
-
-def test_samples_come_no_faster_than_asked(gateway):
-    page = client(gateway)
-    page.take(text("subscribe", topic="/endpoint_state", throttle_rate=100), 0)
+@pytest.mark.parametrize(("asked_ms", "allowed", "period_ms", "count", "least", "most"), [
+    (3_600_000, 60.0, 10_000, 720, 2, 2),  # once an hour, for two hours
+    (100, 60.0, 5, 200, 9, 11),
+    (0, 50.0, 0.1, 10_000, 1, 100),  # twice at most: a poll that comes early is served
+])  # fmt: skip
+def test_samples_come_no_faster_than_asked_or_allowed(
+    gateway, asked_ms, allowed, period_ms, count, least, most
+):
+    page = subscribed(gateway, limits=Limits(rate=allowed), throttle_rate=asked_ms)
     got = 0
-    for ms in range(0, 1000, 5):
-        gateway.tell("/endpoint_state", {"at": ms})
-        got += len(sent(page, ms * MS))
-    assert 9 <= got <= 11
-
-
-def test_samples_come_no_faster_than_the_bridge_allows(gateway):
-    page = client(gateway, limits=Limits(rate=50.0))
-    page.take(text("subscribe", topic="/endpoint_state"), 0)
-    got = 0
-    for tenth in range(10_000):  # polled ten times a millisecond
-        gateway.tell("/endpoint_state", {})
-        got += len(sent(page, tenth * MS // 10))
-    assert got <= 100  # twice at most: a poll that comes early is served
+    for number in range(count):
+        gateway.tell("/endpoint_state", {"number": number})
+        got += len(sent(page, round(number * period_ms * MS)))
+    assert least <= got <= most
 
 
 def test_the_name_is_the_one_the_client_uses(gateway):
-    page = client(gateway, PATIENT)
-    page.take(text("subscribe", topic="endpoint_state"), 0)
+    page = subscribed(gateway, "endpoint_state", PATIENT)
     gateway.tell("/endpoint_state", {})
     assert sent(page, MS)[0]["topic"] == "endpoint_state"
     assert page.subscribed == {"/endpoint_state"}
 
 
 def test_unsubscribing_ends_it(gateway):
-    page = client(gateway)
-    page.take(text("subscribe", topic="/endpoint_state"), 0)
+    page = subscribed(gateway)
     page.take(text("unsubscribe", topic="/endpoint_state"), 0)
     gateway.tell("/endpoint_state", {})
     assert sent(page, 100 * MS) == []
 
 
 @pytest.mark.parametrize("role", [PATIENT, THERAPIST])
-def test_a_set_point_is_refused_and_goes_nowhere(gateway, role):
-    page = client(gateway, role, wishes=True)
-    page.take(text("publish", topic="/setpoint", msg={"position": {"x": 0.1}}, id="7"), 0)
-    (answer,) = sent(page, 0)
-    assert answer["op"] == "status" and answer["level"] == "error" and answer["id"] == "7"
-    assert "therapy/wish" in answer["msg"]
-    assert gateway.published == []
-
-
-def test_what_may_not_be_published_may_not_be_advertised(gateway):
+@pytest.mark.parametrize("op", ["publish", "advertise"])
+def test_a_set_point_is_refused_and_goes_nowhere(gateway, role, op):
     """roslibjs advertises first: a game's author hears of it before the first message."""
-    page = client(gateway, PATIENT, wishes=True)
+    page = client(gateway, role, wishes=True)
     kind = "screw_module_msgs/EndpointSetpoint"
-    page.take(text("advertise", topic="/setpoint", type=kind, id="7"), 0)
-    (answer,) = sent(page, 0)
-    assert answer["level"] == "error" and answer["id"] == "7"
+    page.take(text(op, topic="/setpoint", type=kind, msg={"position": {"x": 0.1}}, id="7"), 0)
+    (answer,) = sent(page)
+    assert (answer["op"], answer["level"], answer["id"]) == ("status", "error", "7")
+    assert "therapy/wish" in answer["msg"]
     page.take(text("advertise", topic="/therapy/wish", type=kind, id="8"), 0)
-    assert sent(page, 0) == []
+    assert (sent(page), gateway.published) == ([], [])
 
 
 # Calls -------------------------------------------------------------------------------------
 
 
-def test_a_call_is_answered_with_its_id(gateway):
+PAUSE = text("call_service", service="/therapy_session/pause", id="c1")
+
+
+@pytest.mark.parametrize("answer", [{"success": True}, ServiceError("none"), OSError("none")])
+def test_a_call_is_answered_with_its_id_also_if_it_fails(gateway, answer):
+    works = isinstance(answer, dict)
+
     def acts(page):
-        page.take(text("call_service", service="/therapy_session/pause", id="c1"), 0)
+        page.take(PAUSE, 0)
         yield
-        ((service, arguments, answer),) = gateway.calls
+        ((service, arguments, future),) = gateway.calls
         assert (service, arguments) == ("/therapy_session/pause", {})
-        assert sent(page, 0) == []
-        answer.set_result({"success": True, "message": ""})
+        assert sent(page) == []
+        (future.set_result if works else future.set_exception)(answer)
         yield
 
     assert run(gateway, acts) == [{
         "op": "service_response", "service": "/therapy_session/pause", "id": "c1",
-        "values": {"success": True, "message": ""}, "result": True,
+        "values": answer if works else "none", "result": works,
     }]  # fmt: skip
-
-
-@pytest.mark.parametrize("error", [ServiceError("no answer"), OSError("no answer")])
-def test_a_call_that_fails_is_answered_too(gateway, error):
-    def acts(page):
-        page.take(text("call_service", service="/therapy_session/pause", id="c1"), 0)
-        yield
-        gateway.calls[0][2].set_exception(error)
-        yield
-
-    (answer,) = run(gateway, acts)
-    assert (answer["values"], answer["result"], answer["id"]) == ("no answer", False, "c1")
 
 
 def test_calls_without_answers_are_bounded(gateway):
     def acts(page):
         for _ in range(20):
-            page.take(text("call_service", service="/therapy_session/pause"), 0)
+            page.take(PAUSE, 0)
         yield
         assert len(gateway.calls) == 8
-        assert len([answer for answer in sent(page, 0) if answer["result"] is False]) == 12
+        assert len([answer for answer in sent(page) if answer["result"] is False]) == 12
         gateway.calls[0][2].set_result({})
         yield
-        page.take(text("call_service", service="/therapy_session/pause"), 0)
+        page.take(PAUSE, 0)
         yield
 
     run(gateway, acts)
@@ -296,7 +272,7 @@ def test_the_software_stop_needs_no_answers_to_other_calls(gateway):
     """A therapist presses Pause again and again as the session's node hangs, and then the stop."""
     def acts(page):
         for _ in range(20):
-            page.take(text("call_service", service="/therapy_session/pause"), 0)
+            page.take(PAUSE, 0)
         page.take(text("call_service", service="/supervisor/estop"), 0)
         yield
 

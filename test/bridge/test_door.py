@@ -52,34 +52,34 @@ def test_foreign_pages_are_refused(origin):
         door().check_origin(origin)
 
 
-def test_own_pages_programs_and_named_pages_come_in():
-    named = door(origins=["null", "https://games.example"])
-    for own, origin in ((door(), "http://127.0.0.1:8090"), (door(), None), (named, "null"),
-                        (named, "https://games.example")):  # fmt: skip
-        assert own.check_origin(origin) is None
+@pytest.mark.parametrize(("origin", "named"), [
+    ("http://127.0.0.1:8090", ()), (None, ()), ("null", ("null",)),
+    ("https://games.example", ("null", "https://games.example")),
+])  # fmt: skip
+def test_own_pages_programs_and_named_pages_come_in(origin, named):
+    assert door(named).check_origin(origin) is None
 
 
 def test_a_token_gives_its_role():
-    assert door().role_of("p" * 32) == "patient"
-    assert door().role_of("t" * 32) == "therapist"
-    for wrong in (None, "", "p" * 31, "q" * 32, "ü" * 32, "\udcff" * 32, "\ud800"):
-        with pytest.raises(Refused) as error:
-            door().role_of(wrong)
-        assert not wrong or wrong not in str(error.value)
+    assert [door().role_of(token) for token in TOKENS] == ["patient", "therapist"]
 
 
-@pytest.mark.parametrize(
-    ("token", "told"), [(None, "no token"), ("", "no token"), ("guessed", "wrong token")]
-)
-def test_a_missing_token_is_told_from_a_wrong_one(token, told):
-    with pytest.raises(Refused, match=f"^{told}: open the address that the bridge printed"):
+@pytest.mark.parametrize("token", [
+    None, "", "p" * 31, "q" * 32, "ü" * 32, "\udcff" * 32, "\ud800", "guessed",
+])  # fmt: skip
+def test_a_missing_token_is_told_from_a_wrong_one(token):
+    told = "wrong token" if token else "no token"
+    with pytest.raises(Refused, match=f"^{told}: open the address that the bridge pr") as error:
         door().role_of(token)
+    assert not token or token not in str(error.value)
 
 
-def test_where_a_token_may_stand():
-    assert token_in({"token": "a"}, {}) == "a"
-    assert token_in({"token": "a"}, {"Authorization": "Bearer b"}) == "b"
-    assert token_in({}, {"Authorization": "Basic b"}) is None
+@pytest.mark.parametrize(("query", "headers", "token"), [
+    ({"token": "a"}, {}, "a"), ({"token": "a"}, {"Authorization": "Bearer b"}, "b"),
+    ({}, {"Authorization": "Basic b"}, None),
+])  # fmt: skip
+def test_where_a_token_may_stand(query, headers, token):
+    assert token_in(query, headers) == token
 
 
 @pytest.mark.parametrize(("address", "local"), [
@@ -94,20 +94,25 @@ def test_what_others_reach_is_known(address, local):
 # The file ----------------------------------------------------------------------------------
 
 
-def test_tokens_are_made_once_for_the_owner_alone(tmp_path):
+@pytest.fixture
+def file(tmp_path):
+    """A file with tokens."""
     file = tmp_path / "state" / "bridge" / "tokens.json"
+    tokens_in(file)
+    return file
+
+
+def test_tokens_are_made_once_for_the_owner_alone(file, tmp_path):
     tokens = tokens_in(file)
-    assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+    modes = [stat.S_IMODE(each.stat().st_mode) for each in (file, file.parent)]
+    assert modes == [0o600, 0o700]
     assert tokens_in(file) == tokens
     assert len(set(tokens)) == 2 and [*map(len, tokens)] == [32, 32]  # 192 bits in base 64
     assert tokens_in(tmp_path / "other" / "tokens.json") != tokens
 
 
 @pytest.mark.parametrize(("mode", "folder"), [(0o640, 0o700), (0o604, 0o700), (0o600, 0o755)])
-def test_a_file_that_others_reach_is_refused(tmp_path, mode, folder):
-    file = tmp_path / "state" / "tokens.json"
-    tokens_in(file)
+def test_a_file_that_others_reach_is_refused(file, mode, folder):
     file.chmod(mode)
     file.parent.chmod(folder)
     with pytest.raises(TokenError, match="chmod"):
@@ -126,9 +131,7 @@ def test_no_tokens_are_made_where_others_reach_them(tmp_path):
     json.dumps({"patient": "a" * 32, "therapist": "b" * 32, "admin": "c" * 32}).encode(),
     json.dumps({"patient": 5, "therapist": "b" * 32}).encode(),
 ])  # fmt: skip
-def test_a_file_without_two_tokens_is_refused(tmp_path, content):
-    file = tmp_path / "state" / "tokens.json"
-    tokens_in(file)
+def test_a_file_without_two_tokens_is_refused(file, content):
     file.write_bytes(content)
     with pytest.raises(TokenError, match="remove it"):
         tokens_in(file)

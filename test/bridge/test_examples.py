@@ -12,23 +12,16 @@ import threading
 from pathlib import Path
 
 import pytest
-from fake_gateway import Served
+from fake_gateway import TOKENS, Served, make_server
 
 from screw_module_ros.bridge.rights import PATIENT, PUBLISH, SUBSCRIBE, Rights
-from screw_module_ros.bridge.server import Server
-from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import Tokens
-from screw_module_ros.clock import WallClock
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-TOKENS = Tokens("p" * 32, "t" * 32)
 
 
 @pytest.fixture
 def server(gateway):
-    rights = Rights(["/"], wishes=True)
-    made = Server(Listening(port=0), Limits(), TOKENS, rights, gateway, WallClock(), {})
-    with Served(made) as server:
+    with Served(make_server(gateway, wishes=True)) as server:
         yield server
 
 

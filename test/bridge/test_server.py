@@ -4,40 +4,31 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import json
+import re
 import socket
 import ssl
 import subprocess
 import sys
 import threading
 import weakref
+from types import SimpleNamespace
 
 import aiohttp
 import pytest
-from fake_gateway import Served
+from fake_gateway import CONFIG, TOKENS, Served, make_server
 
 from screw_module_ros.bridge import listener
 from screw_module_ros.bridge.client import Client
 from screw_module_ros.bridge.pages import FOLDER
-from screw_module_ros.bridge.rights import Rights
-from screw_module_ros.bridge.server import Connection, Server
-from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import Tokens
-from screw_module_ros.clock import WallClock
+from screw_module_ros.bridge.server import Connection
+from screw_module_ros.bridge.settings import Limits
 
-TOKENS = Tokens("p" * 32, "t" * 32)
 PATIENT, THERAPIST = TOKENS
-CONFIG = {"robots": ["/"], "protocols": []}
 DEADLINE_S = 20.0
-
-
-def make_server(gateway, limits=None, log=print, **listening):
-    rights = Rights(["/"])
-    return Server(
-        Listening(port=0, **listening), limits or Limits(), TOKENS, rights, gateway, WallClock(),
-        CONFIG, log,
-    )  # fmt: skip
+CLOSED = (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
 
 
 @pytest.fixture
@@ -53,80 +44,116 @@ def server(gateway, said):
         yield server
 
 
-def run(coroutine):
-    return asyncio.run(asyncio.wait_for(coroutine, DEADLINE_S))
+@pytest.fixture
+def run():
+    """Return what runs a coroutine in the test's one event loop, DEADLINE_S at most."""
+    loop = asyncio.new_event_loop()
+    yield lambda coroutine: loop.run_until_complete(asyncio.wait_for(coroutine, DEADLINE_S))
+    loop.close()
 
 
-async def answer(server, path, token=None, **headers):
-    if token:
-        headers["Authorization"] = f"Bearer {token}"
-    async with aiohttp.ClientSession() as session:
-        async with session.get(server.address + path, headers=headers) as response:
-            return response.status, await response.text(), response.headers
+@pytest.fixture
+def connect(run):
+    """Return what opens a page of a server, and subscribes it to a topic."""
+    sessions = []
+
+    async def opened(server, token, topic, **options):
+        sessions.append(aiohttp.ClientSession())
+        page = await sessions[-1].ws_connect(f"{server.address}/ws?token={token}", **options)
+        if topic:
+            await page.send_json({"op": "subscribe", "topic": topic})
+        return page
+
+    yield lambda server, token=PATIENT, topic="", **more: run(opened(server, token, topic, **more))
+    for session in sessions:
+        run(session.close())
 
 
-async def refusal(server, query, **headers):
-    """Return the status with which a websocket is refused."""
-    async with aiohttp.ClientSession() as session:
-        with pytest.raises(aiohttp.WSServerHandshakeError) as error:
-            await session.ws_connect(f"{server.address}/ws{query}", headers=headers)
-        return error.value.status
+@pytest.fixture
+def ask(run):
+    """Return what asks a server for a path: status, text and headers of the answer."""
+
+    async def asked(server, path, token=None, **headers):
+        if token:
+            headers["Authorization"] = f"Bearer {token}"
+        async with aiohttp.ClientSession() as session:
+            async with session.get(server.address + path, headers=headers) as response:
+                return response.status, await response.text(), response.headers
+
+    return lambda *given, **headers: run(asked(*given, **headers))
 
 
-async def until(condition):
-    """Wait until the condition holds."""
-    while not condition():
-        await asyncio.sleep(0.01)
+@pytest.fixture
+def until(run):
+    """Return what waits until a condition holds."""
+
+    async def waited(condition):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+    return lambda condition: run(waited(condition))
+
+
+async def answers(page, *texts):
+    """Send texts; return what comes until the connection ends."""
+    for text in texts:
+        await page.send_str(text)
+    return [message.data async for message in page]
 
 
 # Who is let in -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("query", "headers"), [
+@pytest.mark.parametrize(("token", "headers"), [
     ("", {}),
-    ("?token=", {}),
-    ("?token=" + "x" * 32, {}),
-    (f"?token={THERAPIST}", {"Origin": "http://evil.example"}),
-    (f"?token={THERAPIST}", {"Origin": "null"}),
-    (f"?token={THERAPIST}", {"Host": "evil.example"}),
-    (f"?token={THERAPIST}", {"Host": "evil.example:80", "Origin": "http://evil.example:80"}),
+    ("x" * 32, {}),
+    (THERAPIST, {"Origin": "http://evil.example"}),
+    (THERAPIST, {"Origin": "null"}),
+    (THERAPIST, {"Host": "evil.example"}),
+    (THERAPIST, {"Host": "evil.example:80", "Origin": "http://evil.example:80"}),
 ])  # fmt: skip
-def test_strangers_are_refused(server, query, headers):
-    assert run(refusal(server, query, **headers)) == 403
-    assert server.clients == 0
-    assert server.refused == 1
+def test_strangers_are_refused(server, connect, token, headers):
+    with pytest.raises(aiohttp.WSServerHandshakeError) as error:
+        connect(server, token, headers=headers)
+    assert (error.value.status, server.clients, server.refused) == (403, 0, 1)
 
 
-def test_pages_come_with_the_headers_that_keep_them_apart(server):
-    for path in ("/", "/patient", "/therapist", "/static/js/link.js"):
-        status, _, headers = run(answer(server, path))
-        assert status == 200, path
-        assert "default-src 'none'" in headers["Content-Security-Policy"]
-        assert headers["X-Content-Type-Options"] == "nosniff"
-        assert headers["Referrer-Policy"] == "no-referrer"
-        assert headers["Connection"] == "close"
-    assert run(answer(server, "/patient", Host="evil.example"))[0] == 403
-    assert run(answer(server, "/patient", Origin="http://evil.example"))[0] == 403
+@pytest.mark.parametrize("path", ["/", "/patient", "/therapist", "/static/js/link.js"])
+def test_pages_come_with_the_headers_that_keep_them_apart(server, ask, path):
+    status, _, headers = ask(server, path)
+    assert status == 200
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert headers["Connection"] == "close"
+
+
+@pytest.mark.parametrize(("path", "headers"), [
+    ("/patient", {"Host": "evil.example"}), ("/patient", {"Origin": "http://evil.example"}),
+    ("/config.json", {}), ("/ws", {}), ("/ws?token=", {}),
+])  # fmt: skip
+def test_strangers_get_no_page(server, ask, path, headers):
+    assert ask(server, path, **headers)[0] == 403
 
 
 @pytest.mark.parametrize("path", [
     "/static/../server.py", "/static/%2e%2e/%2e%2e/server.py", "/static//etc/passwd", "/static/",
     "/static/js", "/tokens.json",
 ])  # fmt: skip
-def test_nothing_but_the_pages_is_served(server, path):
-    status, text, _ = run(answer(server, path))
+def test_nothing_but_the_pages_is_served(server, ask, path):
+    status, text, _ = ask(server, path)
     assert status in (403, 404)
     assert "class Server" not in text and "root:" not in text
 
 
-def test_the_configuration_needs_a_token(server):
-    assert run(answer(server, "/config.json"))[0] == 403
-    for token, role, wishes in ((PATIENT, "patient", False), (THERAPIST, "therapist", True)):
-        status, text, _ = run(answer(server, "/config.json", token=token))
-        assert status == 200
-        assert json.loads(text) == {**CONFIG, "role": role, "wishes": wishes}
-    server._rights.wishes = True
-    assert json.loads(run(answer(server, "/config.json", token=PATIENT))[1])["wishes"]
+@pytest.mark.parametrize(("token", "allowed", "role", "wishes"), [
+    (PATIENT, False, "patient", False), (PATIENT, True, "patient", True),
+    (THERAPIST, False, "therapist", True),
+])  # fmt: skip
+def test_the_configuration_is_told_to_a_token(server, ask, token, allowed, role, wishes):
+    server._rights.wishes = allowed
+    status, text, _ = ask(server, "/config.json", token)
+    assert (status, json.loads(text)) == (200, {**CONFIG, "role": role, "wishes": wishes})
 
 
 @pytest.mark.parametrize(("allowed", "patients"), [(1, 1), (2, 1), (3, 1), (4, 2)])
@@ -135,18 +162,14 @@ def test_one_patient_gets_in_however_few_are_allowed(gateway, allowed, patients)
     assert (server._room_for("patient"), server._room_for("therapist")) == (patients, allowed)
 
 
-def test_no_more_clients_than_allowed_and_room_for_therapists(server):
-    async def crowd():
-        async with aiohttp.ClientSession() as session:
-            address = f"{server.address}/ws?token={PATIENT}"
-            pages = [await session.ws_connect(address) for _ in range(2)]
-            refused = [await refusal(server, f"?token={PATIENT}")]
-            address = f"{server.address}/ws?token={THERAPIST}"
-            pages += [await session.ws_connect(address) for _ in range(2)]
-            refused.append(await refusal(server, f"?token={THERAPIST}"))
-            return refused, [page.closed for page in pages]
-
-    assert run(crowd()) == ([503, 503], [False] * 4)
+def test_no_more_clients_than_allowed_and_room_for_therapists(server, connect):
+    pages = []
+    for token in (PATIENT, THERAPIST):
+        pages += [connect(server, token) for _ in range(2)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as error:
+            connect(server, token)
+        assert error.value.status == 503
+    assert [page.closed for page in pages] == [False] * 4
 
 
 def test_it_listens_on_this_machine_alone(server):
@@ -165,65 +188,37 @@ def test_the_address_of_the_pages_is_one_that_a_browser_can_open(gateway, listen
 # What clients cost -------------------------------------------------------------------------
 
 
-def test_a_subscription_brings_samples(server, gateway):
-    async def play():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
-            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
-            numbers = []
-            for number in range(3):
-                gateway.tell("/endpoint_state", {"number": number})
-                while number not in numbers:
-                    try:
-                        message = await page.receive_json(timeout=0.05)
-                    except asyncio.TimeoutError:
-                        continue
-                    numbers.append(message["msg"]["number"])
-            return numbers
-
-    assert run(play()) == [0, 1, 2]
+def test_a_subscription_brings_samples(server, gateway, run, connect):
+    page = connect(server, topic="/endpoint_state")
+    for number in range(3):
+        gateway.tell("/endpoint_state", {"number": number})
+        assert run(page.receive_json())["msg"]["number"] == number
 
 
-def test_a_flooding_client_is_cut_off_with_a_sentence(server, gateway):
-    async def flood():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
-            for _ in range(400):
-                await page.send_str('{"op":"publish","topic":"/therapy/attendance","msg":{}}')
-            told = [message async for message in page]
-            return told, page.close_code
-
-    told, code = run(flood())
-    assert "messages a second" in told[-1].json()["msg"]
-    assert code == 1008
+def test_a_flooding_client_is_cut_off_with_a_sentence(server, gateway, run, connect):
+    page = connect(server, THERAPIST)
+    message = '{"op":"publish","topic":"/therapy/attendance","msg":{}}'
+    told = run(answers(page, *[message] * 400))
+    assert "messages a second" in json.loads(told[-1])["msg"]
+    assert page.close_code == 1008
     assert len(gateway.published) < 300
 
 
 @pytest.mark.parametrize("payload", ["x" * 20_000, "[" * 20_000])
-def test_a_message_too_large_ends_the_connection(server, said, payload):
-    async def send():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
-            await page.send_str(payload)
-            async for _ in page:
-                pass
-            return page.close_code
-
-    assert run(send()) == 1009
-    run(until(lambda: said))
+def test_a_message_too_large_ends_the_connection(server, said, run, connect, until, payload):
+    page = connect(server, THERAPIST)
+    run(answers(page, payload))
+    assert page.close_code == 1009
+    until(lambda: said)
     assert said == [
         "cut off a therapist's page: a message had more than the 16384 bytes that are allowed"
     ]
 
 
-def test_binary_messages_are_refused(server):
-    async def send():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
-            await page.send_bytes(b"\0")
-            return (await page.receive_json(timeout=5))["msg"]
-
-    assert "JSON texts are wanted" in run(send())
+def test_binary_messages_are_refused(server, run, connect):
+    page = connect(server, THERAPIST)
+    run(page.send_bytes(b"\0"))
+    assert "JSON texts are wanted" in run(page.receive_json())["msg"]
 
 
 def slow_client(address, topic):
@@ -243,45 +238,34 @@ def slow_client(address, topic):
     return sleeper
 
 
-def test_a_slow_client_holds_nobody_up_and_is_cut_off(server, gateway):
+def test_a_slow_client_holds_nobody_up_and_is_cut_off(server, gateway, run, connect):
     sleeper = slow_client(server.address, "/endpoint_state")
+    page = connect(server, topic="/endpoint_state")
     large = "x" * 100_000
 
     async def play():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
-            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
-            got = 0
-            while server.clients > 1:
-                gateway.tell("/endpoint_state", {"large": large})
-                try:
-                    await page.receive(timeout=0.05)
-                    got += 1
-                except asyncio.TimeoutError:
-                    pass
-            return got
+        got = 0
+        while server.clients > 1:
+            gateway.tell("/endpoint_state", {"large": large})
+            with contextlib.suppress(asyncio.TimeoutError):
+                await page.receive(timeout=0.05)
+                got += 1
+        return got
 
     assert run(play()) > 10  # the other one went on meanwhile
     assert server.cut_off == 1
     sleeper.close()
 
 
-def test_an_error_while_sending_closes_the_page(server, gateway, said):
+def test_an_error_while_sending_closes_the_page(server, gateway, said, run, connect):
     """Without news a page would show a robot at rest."""
     gateway.after = lambda topic, number: 1 / 0
-
-    async def play():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
-            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
-            return (await page.receive(timeout=5)).type
-
-    kind = run(play())
-    assert kind in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
+    page = connect(server, topic="/endpoint_state")
+    assert run(page.receive()).type in CLOSED
     assert said == ["cut off a patient's page: ZeroDivisionError: division by zero"]
 
 
-def test_an_error_of_asyncio_is_told_without_its_text(server, gateway, said):
+def test_an_error_of_asyncio_is_told_without_its_text(server, gateway, said, until):
     """The text may quote a request, and so hold a token. Each turn polls the robots."""
     def poll():
         if not said:
@@ -289,11 +273,13 @@ def test_an_error_of_asyncio_is_told_without_its_text(server, gateway, said):
             asyncio.get_running_loop().call_exception_handler(context)
 
     gateway.poll = poll
-    run(until(lambda: said))
+    until(lambda: said)
     assert said == ["Task failed: ValueError"]
 
 
-def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
+def test_nothing_is_left_of_clients_that_came_and_went(
+    server, gateway, run, connect, until, monkeypatch
+):
     made = weakref.WeakSet()
     original = Client.__init__
 
@@ -301,24 +287,18 @@ def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
         original(self, *args, **kwargs)
         made.add(self)
 
-    async def come_and_go():
-        async with aiohttp.ClientSession() as session:
-            for _ in range(60):
-                page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
-                await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
-                await page.send_json({"op": "call_service", "service": "/supervisor/estop"})
-                gateway.tell("/endpoint_state", {})
-                await page.receive_json(timeout=5)
-                page._response.connection.transport.abort()  # a tab that is gone
-            await until(lambda: server.clients == 0)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Client, "__init__", init)
-        run(come_and_go())
+    monkeypatch.setattr(Client, "__init__", init)
+    for _ in range(60):
+        page = connect(server, THERAPIST, "/endpoint_state")
+        run(page.send_json({"op": "call_service", "service": "/supervisor/estop"}))
+        gateway.tell("/endpoint_state", {})
+        run(page.receive_json())
+        page._response.connection.transport.abort()  # a tab that is gone
+    until(lambda: server.clients == 0)
     assert len(gateway.calls) == 60, "a stop is carried out, also if its page has gone"
     for *_, answer in gateway.calls:  # the robot has answered, or given up
         answer.get_loop().call_soon_threadsafe(answer.set_result, {})
-    run(until(lambda: all(answer.done() for *_, answer in gateway.calls)))
+    until(lambda: all(answer.done() for *_, answer in gateway.calls))
     gateway.calls.clear()
     for _ in range(3):
         gc.collect()
@@ -326,18 +306,13 @@ def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
     assert sum(type(each) is Connection for each in gc.get_objects()) == 0
 
 
-def test_closing_ends_connections(gateway):
+def test_closing_ends_connections(gateway, run, connect, until):
     served = Served(make_server(gateway))
-
-    async def play(server):
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
-            await until(lambda: server.clients == 1)
-            await asyncio.get_running_loop().run_in_executor(None, served.__exit__)
-            return (await page.receive(timeout=5)).type
-
-    kind = run(play(served.__enter__()))
-    assert kind in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
+    with served as server:
+        page = connect(server)
+        until(lambda: server.clients == 1)
+        run(asyncio.to_thread(served.__exit__))
+        assert run(page.receive()).type in CLOSED
     assert not [thread for thread in threading.enumerate() if thread.name == "bridge"]
 
 
@@ -352,63 +327,71 @@ def half_open(server, sends=b"GET / HTTP/1.1\r\nHost: "):
     return opened
 
 
-def is_closed(opened):
-    """Wait until the server has closed it."""
-    try:
-        return opened.recv(64) == b""
-    except ConnectionError:
-        return True
+def until_closed(opened):
+    """Read what comes until the server has closed it."""
+    with contextlib.suppress(ConnectionError):
+        while opened.recv(64):
+            pass
 
 
-def test_half_a_request_is_given_up_in_time(server, said, monkeypatch):
+@pytest.fixture
+def crowded(until, said, monkeypatch):
+    """Return what opens 40 connections where 8 are allowed; the oldest go, not by time."""
+    monkeypatch.setattr(listener, "_MOST_OPENING", 8)
+    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)
+    waiting = []
+
+    def crowd(server, *sends):
+        waiting.extend(half_open(server, *sends) for _ in range(40))
+        for opened in waiting[:32]:
+            until_closed(opened)
+        until(lambda: server.unfinished >= 32)
+        assert len(said) == 1
+
+    yield crowd
+    for opened in waiting:
+        opened.close()
+
+
+@pytest.mark.parametrize("sends", [b"", b"GET", b"GET / HTTP/1.1\r\nHost: x\r\n"])
+def test_half_a_request_is_given_up_in_time(server, said, until, monkeypatch, sends):
     monkeypatch.setattr(listener, "_OPENING_S", 0.05)
-    for sends in (b"", b"GET", b"GET / HTTP/1.1\r\nHost: x\r\n", b"\0" * 100):
+    for _ in range(2):
         with half_open(server, sends) as opened:
-            while not is_closed(opened):  # an answer to what is no HTTP comes first
-                pass
-    run(until(lambda: server.unfinished == 3))
+            until_closed(opened)
+    until(lambda: server.unfinished == 2)
     assert len(said) == 1 and "no request" in said[0], "one line for all of them"
 
 
-def test_half_open_requests_keep_no_page_out(server, said, monkeypatch):
+def test_what_is_no_http_is_no_half_a_request(server, said):
+    with half_open(server, b"\0" * 100) as opened:
+        until_closed(opened)
+    assert server.unfinished == 0
+
+
+def test_half_open_requests_keep_no_page_out(server, ask, crowded):
     """At 1024 handles 1018 of them did; they needed no token."""
-    monkeypatch.setattr(listener, "_MOST_OPENING", 8)
-    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)  # not by time
-    waiting = [half_open(server) for _ in range(40)]
-    try:
-        assert run(answer(server, "/config.json", token=THERAPIST))[0] == 200
-        assert all(is_closed(opened) for opened in waiting[:32]), "the oldest go"
-        run(until(lambda: server.unfinished >= 32))
-        assert len(said) == 1
-    finally:
-        for opened in waiting:
-            opened.close()
+    crowded(server)
+    assert ask(server, "/config.json", THERAPIST)[0] == 200
 
 
 def test_a_connection_ends_with_its_response(server, monkeypatch):
     monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)
     host = server.address.partition("://")[2]
     with half_open(server, f"GET /patient HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()) as opened:
-        while not is_closed(opened):
-            pass
+        until_closed(opened)
 
 
-def test_a_client_stays_as_long_as_it_likes(server, gateway, monkeypatch):
+def test_a_client_stays_as_long_as_it_likes(server, gateway, run, connect, monkeypatch):
     monkeypatch.setattr(listener, "_OPENING_S", 0.02)
     monkeypatch.setattr(listener, "_MOST_OPENING", 1)
-
-    async def play():
-        async with aiohttp.ClientSession() as session:
-            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
-            with half_open(server) as first, half_open(server) as second:
-                loop = asyncio.get_running_loop()
-                for opened in (first, second):
-                    await loop.run_in_executor(None, is_closed, opened)
-            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
-            gateway.tell("/endpoint_state", {})
-            return await page.receive_json(timeout=5)
-
-    assert run(play())["op"] == "publish"
+    page = connect(server)
+    with half_open(server) as first, half_open(server) as second:
+        for opened in (first, second):
+            until_closed(opened)
+    run(page.send_json({"op": "subscribe", "topic": "/endpoint_state"}))
+    gateway.tell("/endpoint_state", {})
+    assert run(page.receive_json())["op"] == "publish"
 
 
 @pytest.mark.parametrize("request_", [
@@ -429,10 +412,8 @@ def test_no_token_reaches_a_log(server, said, caplog, capfd, request_):
     text = request_.replace("{host}", host).replace("{}", THERAPIST) + "\r\n\r\n"
     with half_open(server, text.encode()) as opened:
         opened.shutdown(socket.SHUT_WR)
-        while not is_closed(opened):
-            pass
-    logged = "".join([*said, caplog.text, *capfd.readouterr()])
-    assert THERAPIST not in logged
+        until_closed(opened)
+    assert THERAPIST not in "".join([*said, caplog.text, *capfd.readouterr()])
 
 
 # TLS ---------------------------------------------------------------------------------------
@@ -455,47 +436,31 @@ def certificate(tmp_path_factory):
     return files
 
 
-def test_with_a_certificate_it_speaks_tls_alone(gateway, certificate):
-    made = make_server(gateway, certificate=str(certificate[0]), key=str(certificate[1]))
-    with Served(made) as server:
-        assert server.address.startswith("https://")
-        trusted = ssl.create_default_context(cafile=str(certificate[0]))
-
-        async def play():
-            connector = aiohttp.TCPConnector(ssl=trusted)
-            async with aiohttp.ClientSession(connector=connector) as session:
-                address = f"{server.address}/ws?token={PATIENT}"
-                page = await session.ws_connect(address, origin=server.address)
-                await page.send_json({"op": "subscribe", "topic": "/setpoint"})
-                told = (await page.receive_json(timeout=5))["msg"]
-            plain = server.address.replace("https", "http")
-            async with aiohttp.ClientSession() as session:
-                with pytest.raises(aiohttp.ClientError):
-                    await session.get(plain)
-            return told
-
-        assert "may not subscribe" in run(play())
+@pytest.fixture
+def encrypted(gateway, certificate, said):
+    file, key = map(str, certificate)
+    with Served(make_server(gateway, log=said.append, certificate=file, key=key)) as server:
+        yield server
 
 
-def test_half_a_handshake_is_given_up_in_time(gateway, certificate, monkeypatch):
+def test_with_a_certificate_it_speaks_tls_alone(encrypted, certificate, run, connect, ask):
+    assert encrypted.address.startswith("https://")
+    trusted = ssl.create_default_context(cafile=str(certificate[0]))
+    page = connect(encrypted, topic="/setpoint", ssl=trusted, origin=encrypted.address)
+    assert "may not subscribe" in run(page.receive_json())["msg"]
+    with pytest.raises(aiohttp.ClientError):
+        ask(SimpleNamespace(address=encrypted.address.replace("https", "http")), "/")
+
+
+def test_half_a_handshake_is_given_up_in_time(encrypted, until, monkeypatch):
     monkeypatch.setattr(listener, "_OPENING_S", 0.05)
-    made = make_server(gateway, certificate=str(certificate[0]), key=str(certificate[1]))
-    with Served(made) as server, half_open(server, b"") as opened:
-        assert is_closed(opened)
-        run(until(lambda: server.unfinished == 1))
+    with half_open(encrypted, b"") as opened:
+        until_closed(opened)
+    until(lambda: encrypted.unfinished == 1)
 
 
-def test_half_open_handshakes_keep_no_page_out(gateway, certificate, said, monkeypatch):
-    monkeypatch.setattr(listener, "_MOST_OPENING", 8)
-    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)  # not by time
-    files = {"certificate": str(certificate[0]), "key": str(certificate[1])}
-    with Served(make_server(gateway, log=said.append, **files)) as server:
-        waiting = [half_open(server, b"") for _ in range(40)]
-        assert all(is_closed(opened) for opened in waiting[:32]), "the oldest go"
-        run(until(lambda: server.unfinished >= 32))
-        assert len(said) == 1
-        for opened in waiting:
-            opened.close()
+def test_half_open_handshakes_keep_no_page_out(encrypted, crowded):
+    crowded(encrypted, b"")
 
 
 def test_a_key_that_does_not_fit_is_told(gateway, certificate, tmp_path):
@@ -508,25 +473,22 @@ def test_a_key_that_does_not_fit_is_told(gateway, certificate, tmp_path):
 # The pages ---------------------------------------------------------------------------------
 
 
+PAGES = [file for file in FOLDER.rglob("*.*") if "vendor" not in file.parts]
+ELSEWHERE = ("http://", "https://", "//cdn", "@import", "eval(", "innerHTML", " style=")
+
+
 def test_the_pages_load_nothing_from_elsewhere():
-    files = [file for file in FOLDER.rglob("*.*") if "vendor" not in file.parts]
-    assert len(files) > 15
-    for file in files:
+    assert len(PAGES) > 15
+    for file in PAGES:
         text = file.read_text("utf-8")
-        for word in ("http://", "https://", "//cdn", "@import", "eval(", "innerHTML", " style="):
-            assert word not in text, f"{file.name}: {word}"
-        if file.suffix == ".html":
-            assert "<script>" not in text
+        assert not [word for word in ELSEWHERE if word in text], file.name
+        assert file.suffix != ".html" or "<script>" not in text
 
 
 def test_every_module_that_is_imported_is_there():
-    for file in FOLDER.rglob("*.js"):
-        if "vendor" in file.parts:
-            continue
-        for line in file.read_text("utf-8").splitlines():
-            if " from \"" in line:
-                name = line.split(" from \"")[1].split('"')[0]
-                assert (file.parent / name).resolve().is_file(), f"{file.name}: {name}"
+    for file in PAGES:
+        for name in re.findall(r' from "([^"]*)"', file.read_text("utf-8")):
+            assert (file.parent / name).resolve().is_file(), f"{file.name}: {name}"
 
 
 def test_the_foreign_library_comes_with_its_licence():
