@@ -126,6 +126,15 @@ def test_what_was_noted_survives_and_verify_says_what_it_is(bag):
     assert report.problems == ["the bag is a recovered copy: what was lost before is not known"]
 
 
+def test_a_damaged_chunk_is_told(bag):
+    data = (bag / FILE).read_bytes()
+    place = len(data) // 2
+    (bag / FILE).write_bytes(data[:place] + bytes([data[place] ^ 255]) + data[place + 1 :])
+    found = recover(bag)
+    assert found.messages < 5000
+    assert found.problems and all("damaged" in each for each in found.problems)
+
+
 @pytest.mark.parametrize("content", [None, "", "nonsense: [", "rosbag2_bagfile_information: 3"])
 def test_the_metadata_file_is_not_needed(bag, content):
     (bag / "metadata.yaml").unlink()
