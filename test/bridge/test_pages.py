@@ -6,19 +6,13 @@ from __future__ import annotations
 import math
 
 import pytest
-from fake_gateway import FakeGateway, Served
+from fake_gateway import TOKENS, FakeGateway, Served, make_server
 
-from screw_module_ros.bridge.rights import Rights
-from screw_module_ros.bridge.server import Server
-from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import Tokens
-from screw_module_ros.clock import WallClock
 from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 pytestmark = pytest.mark.long
 
-TOKENS = Tokens("p" * 32, "t" * 32)
 DEADLINE_MS = 60_000
 PAUSED, RUNNING, FINISHED, REACHED = 2, 1, 3, 5
 RANGES = {"assistance.stiffness": 800.0, "wish.half_width": 0.1905, "wish.half_depth": 0.2286,
@@ -97,11 +91,7 @@ class Serving:
     def _make(self, port):
         config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens(),
                   "measures": measures_for_screens()}  # fmt: skip
-        rights = Rights(self.robot.robots, wishes=True)
-        made = Server(
-            Listening(port=port), Limits(), TOKENS, rights, self.robot, WallClock(), config
-        )
-        self.served = Served(made)
+        self.served = Served(make_server(self.robot, config=config, wishes=True, port=port))
         self.server = self.served.__enter__()
 
     def restart(self):
@@ -126,8 +116,15 @@ class Serving:
             page.wait_for_timeout(20)
         pytest.fail(f"{script} did not come true; the page shows {page.inner_text('body')[:600]}")
 
-    def until_text(self, page, text):
+    def until_text(self, page, text, **state):
+        """Tell more of the session's state, and wait until the page shows the text."""
+        self.state = {**self.state, **state}
         self.until(page, f"document.body.innerText.includes({text!r})")
+
+    def until_shown(self, page, what, value, **state):
+        """The same for what the page notes of itself."""
+        self.state = {**self.state, **state}
+        self.until(page, f"document.body.dataset.{what} === '{value}'")
 
 
 @pytest.fixture
@@ -161,6 +158,27 @@ def open_page(browser):
     assert errors == []
 
 
+@pytest.fixture
+def therapist(serving, open_page):
+    """Return what opens the therapist's page of robots: these and the page."""
+
+    def opened(*robots, **size):
+        given = serving(*robots)
+        page = open_page(given, "therapist", **size)
+        given.until_text(page, "The robot is ready")
+        return given, page
+
+    return opened
+
+
+@pytest.fixture
+def patient(serving, open_page):
+    """The patient's screen: a robot and the screen."""
+    given = serving()
+    return given, open_page(given, "patient")
+
+
+RUNS = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 1, "trials": 16}
 SCENES = [
     ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move the blue hand to the orange"),
     ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Lift the elevator to the person"),
@@ -169,59 +187,43 @@ SCENES = [
 
 
 @pytest.mark.parametrize(("protocol", "target", "scene", "task"), SCENES)
-def test_each_protocol_has_its_picture(serving, open_page, protocol, target, scene, task):
-    given = serving()
-    page = open_page(given, "patient")
-    given.state = {"state": RUNNING, "protocol": protocol, "target": target, "phase": 3,
-                   "trial": 3, "trials": 16, "since": 0.4}  # fmt: skip
-    given.until(page, f"document.body.dataset.shown === '{scene}'")
-    given.until_text(page, task)
-    given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
-    given.until_text(page, "The therapist goes on in a moment")
+def test_each_protocol_has_its_picture(patient, protocol, target, scene, task):
+    given, page = patient
+    given.until_shown(page, "shown", scene, **RUNS | {"protocol": protocol, "target": target})
+    given.until_text(page, task, since=0.4)
+    given.until_text(
+        page, "The therapist goes on in a moment", state=PAUSED, reason="the therapist paused it"
+    )
     assert page.locator("#sign").is_visible()
 
 
-def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
+def test_a_screen_that_came_late_counts_no_targets(patient):
     """What it has not seen it cannot count: `0 of 16 targets reached` would be wrong."""
-    given = serving()
-    given.state = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 7, "trials": 16}
-    page = open_page(given, "patient")
-    given.until(page, "document.body.dataset.trial === '7'")
-    given.state = {**given.state, "state": FINISHED, "trial": 16, "phase": 0}
-    given.until_text(page, "Finished. Thank you!")
+    given, page = patient
+    given.until_shown(page, "trial", 7, **RUNS | {"trial": 7})
+    given.until_text(page, "Finished. Thank you!", state=FINISHED, trial=16, phase=0)
     assert "targets reached" not in page.inner_text("#veil")
-    given.state = {**given.state, "state": RUNNING, "trial": 1, "phase": 3}
-    given.until(page, "document.body.dataset.trial === '1'")
-    given.state = {**given.state, "phase": REACHED}
-    given.until_text(page, "Well done")
-    given.state = {**given.state, "state": FINISHED, "trial": 16, "phase": 0}
-    given.until_text(page, "1 of 16 targets reached")
+    given.until_shown(page, "trial", 1, **RUNS)
+    given.until_text(page, "Well done", phase=REACHED)
+    given.until_text(page, "1 of 16 targets reached", state=FINISHED, trial=16, phase=0)
 
 
-def test_a_session_that_follows_another_at_once_has_its_own_picture(serving, open_page):
+def test_a_session_that_follows_another_at_once_has_its_own_picture(patient):
     """The screen may miss every state between two sessions: it gets the newest alone."""
-    given = serving()
-    page = open_page(given, "patient")
-    first = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1, "trials": 16}
-    given.state = first
-    given.until(page, "document.body.dataset.shown === 'plane'")
-    given.state = {**first, "phase": REACHED}
-    given.until_text(page, "Well done")
-    given.state = {**first, "protocol": "elevator", "trial": 2, "trials": 9}
-    given.until(page, "document.body.dataset.shown === 'vertical'")
-    given.state = {**given.state, "state": FINISHED, "trial": 9, "phase": 0}
-    given.until_text(page, "Finished. Thank you!")
+    given, page = patient
+    given.until_shown(page, "shown", "plane", **RUNS | {"protocol": "clock_adaptive"})
+    given.until_text(page, "Well done", phase=REACHED)
+    given.until_shown(page, "shown", "vertical", protocol="elevator", trial=2, trials=9, phase=3)
+    given.until_text(page, "Finished. Thank you!", state=FINISHED, trial=9, phase=0)
     assert "targets reached" not in page.inner_text("#veil")
 
 
 @pytest.mark.parametrize("motion", ["reduce", "no-preference"])
-def test_a_flower_opens_unless_little_motion_is_wanted(serving, open_page, motion):
-    given = serving()
-    page = open_page(given, "patient")
+def test_a_flower_opens_unless_little_motion_is_wanted(patient, motion):
+    given, page = patient
     page.emulate_media(reduced_motion=motion)
-    given.state = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1}
     given.robot.hand = {"x": 0, "y": 0.14, "z": 0.18}
-    given.until_text(page, "Move the blue hand")
+    given.until_text(page, "Move the blue hand", **RUNS | {"protocol": "clock_adaptive"})
     page.evaluate("""async () => {
         const canvas = document.querySelector("#picture"), shown = new Set();
         const next = () => new Promise((resolve) => requestAnimationFrame(resolve));
@@ -237,9 +239,8 @@ def test_a_flower_opens_unless_little_motion_is_wanted(serving, open_page, motio
     assert (page.evaluate("window.pictures") == 1) == (motion == "reduce")
 
 
-def test_the_screen_shows_the_hand_that_was_chosen(serving, open_page):
-    given = serving()
-    page = open_page(given, "patient")
+def test_the_screen_shows_the_hand_that_was_chosen(patient, open_page):
+    given, page = patient
     given.until_text(page, "Pick fruit")
     right = page.evaluate("document.querySelector('#free canvas').toDataURL()")
     page.get_by_role("button", name="Hand: right").click()
@@ -251,9 +252,8 @@ def test_the_screen_shows_the_hand_that_was_chosen(serving, open_page):
     other.get_by_role("button", name="Hand: right").wait_for()
 
 
-def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
-    given = serving()
-    page = open_page(given, "patient")
+def test_the_game_is_played_with_the_hand_and_can_be_left(patient):
+    given, page = patient
     given.until_text(page, "Pick fruit")
     page.get_by_role("button", name="Pick fruit").click()
 
@@ -271,54 +271,47 @@ def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     given.until_text(page, "Move the blue hand wherever you like")
 
 
-def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until):
-    given = serving()
-    page = open_page(given, "therapist")
-    given.until_text(page, "The robot is ready")
+def test_a_free_text_does_not_get_into_the_field(therapist, wait_until):
+    given, page = therapist()
+
+    def starts():
+        return [told for service, told in given.robot.calls if service.endswith("/start")]
+
     field = page.get_by_label("Pseudonym of the patient")
     field.fill("Erika Musterfrau")
     assert field.input_value() == "P-ERKAM"  # what a name leaves is no name
     field.fill("")
     page.get_by_role("button", name="Start").click()
     given.until_text(page, "A pseudonym like P-7K3QX is wanted")
-    assert not [service for service, *_ in given.robot.calls if service.endswith("/start")]
+    assert not starts()
     page.get_by_role("button", name="New").click()
     page.get_by_role("button", name="Start").click()
-    wait_until(lambda: [service for service, *_ in given.robot.calls if service.endswith("/start")])
-    (start,) = [call for call in given.robot.calls if call[0].endswith("/start")]
-    assert start[1]["patient"] == field.input_value()
-    assert start[1]["record"] is True
+    wait_until(starts)
+    (start,) = starts()
+    assert (start["patient"], start["record"]) == (field.input_value(), True)
 
 
-def test_the_form_shows_the_session_that_runs(serving, open_page):
+def test_the_form_shows_the_session_that_runs(therapist):
     """A page that is opened in its midst must not offer another patient's pseudonym."""
-    given = serving()
-    given.state = {"state": RUNNING, "protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2,
-                   "trials": 9, "phase": 3}  # fmt: skip
-    runs, given.state = given.state, {}
-    page = open_page(given, "therapist")
-    given.until_text(page, "The robot is ready")
+    given, page = therapist()
     page.get_by_role("button", name="Start").click()
     given.until_text(page, "A pseudonym like P-7K3QX is wanted")
-    given.state = runs
-    given.until_text(page, "movement 2 of 9")
+    runs = {"protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2, "trials": 9}
+    given.until_text(page, "movement 2 of 9", **RUNS | runs)
     assert "is wanted" not in page.inner_text(".session")
     field, protocol = page.get_by_label("Pseudonym of the patient"), page.get_by_label("Protocol")
     assert (field.input_value(), protocol.last.input_value()) == ("P-ABCDE", "reach_3d")
     assert field.is_disabled() and protocol.last.is_disabled()
-    given.state = {**given.state, "state": FINISHED}
-    given.until_text(page, "Finished:")
+    given.until_text(page, "Finished:", state=FINISHED)
     assert field.is_enabled() and field.input_value() == "P-"  # the next patient's is wanted
     page.get_by_role("button", name="P-ABCDE again").click()
     assert field.input_value() == "P-ABCDE"
 
 
-def test_a_stop_that_is_told_after_the_pause_takes_the_resume_away(serving, open_page):
+def test_a_stop_that_is_told_after_the_pause_takes_the_resume_away(therapist):
     """The topics come in any order; a button that contradicts the sentence is pressed in vain."""
-    given = serving()
-    given.state = {"state": PAUSED, "protocol": "reach_3d", "reason": "the therapist paused it"}
-    page = open_page(given, "therapist")
-    given.until_text(page, "Paused, movement")
+    given, page = therapist()
+    given.until_text(page, "Paused, movement", state=PAUSED, reason="the therapist paused it")
     resume = page.get_by_role("button", name="Resume")
     assert resume.is_enabled()
     given.robot.tell("/safety_state", {"level": 2, "reasons": ["emergency stop"]})
@@ -326,11 +319,9 @@ def test_a_stop_that_is_told_after_the_pause_takes_the_resume_away(serving, open
     assert resume.is_disabled()
 
 
-def test_two_robots_on_one_page(serving, open_page, wait_until):
-    given = serving("/left", "/right")
-    page = open_page(given, "therapist", size=(1400, 900))
-    given.state = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 2, "trials": 9}
-    given.until_text(page, "Robot right")
+def test_two_robots_on_one_page(therapist, open_page, wait_until):
+    given, page = therapist("/left", "/right", size=(1400, 900))
+    given.until_text(page, "Robot right", **RUNS)
     right = page.locator("#robot-right")
     right.get_by_role("button", name="Software stop").click()
     right.get_by_role("button", name="Pause").click()
@@ -343,12 +334,11 @@ def test_two_robots_on_one_page(serving, open_page, wait_until):
     attended = {"/left/therapy/attendance", "/right/therapy/attendance"}
     wait_until(lambda: {topic for topic, _ in given.robot.published} == attended)
     screen = open_page(given, "patient", "?robot=/right")
-    given.until(screen, "document.body.dataset.shown === 'vertical'")
+    given.until_shown(screen, "shown", "vertical")
 
 
-def test_limits_are_set_within_the_nodes_bounds(serving, open_page):
-    given = serving()
-    page = open_page(given, "therapist")
+def test_limits_are_set_within_the_nodes_bounds(therapist):
+    given, page = therapist()
     slider = page.get_by_label("Workspace, greatest height")
     given.until(page, "document.querySelectorAll('.limit').length === 6")
     assert slider.get_attribute("max") == "0.36"
@@ -357,23 +347,21 @@ def test_limits_are_set_within_the_nodes_bounds(serving, open_page):
     assert given.robot.values["/"]["wish.high"] == pytest.approx(0.252)
 
 
-def test_pages_connect_again_by_themselves(serving, open_page):
-    given = serving()
-    page, screen = open_page(given, "therapist"), open_page(given, "patient")
-    given.until_text(page, "The robot is ready")
+def test_pages_connect_again_by_themselves(therapist, open_page):
+    given, page = therapist()
+    screen = open_page(given, "patient")
     given.until_text(screen, "Pick fruit")
     start_again = given.restart()
     page.get_by_text("The connection is lost").wait_for()
     screen.get_by_role("heading", name="One moment").wait_for()
     start_again()
-    given.until(page, "document.body.dataset.open === 'true'")
+    given.until_shown(page, "open", "true")
     given.until_text(page, "The robot is ready")
     given.until_text(screen, "Pick fruit")
 
 
-def test_results_come_into_the_table(serving, open_page):
-    given = serving()
-    page = open_page(given, "therapist")
+def test_results_come_into_the_table(therapist):
+    given, page = therapist()
     given.until_text(page, "No movement yet.")
     for trial in range(1, 6):
         given.robot.finish(trial)
@@ -392,7 +380,7 @@ def test_results_come_into_the_table(serving, open_page):
     given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
 
 
-LIVE = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 41, "trials": 1024}
+LIVE = {**RUNS, "trial": 41, "trials": 1024}
 
 
 @pytest.mark.parametrize(("state", "safety", "word"), [
@@ -401,18 +389,15 @@ LIVE = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 41, "tria
     ({**LIVE, "state": PAUSED, "reason": "the vertical torque is off"}, 2, "Stopped"),
     ({**LIVE, "state": FINISHED, "trial": 1024}, 0, "Finished"),
 ], ids=["live", "paused", "stopped", "finished"])  # fmt: skip
-def test_a_session_is_seen_on_one_screen(serving, open_page, state, safety, word):
-    given = serving()
-    page = open_page(given, "therapist", size=(1280, 720))
-    given.until_text(page, "The robot is ready")
+def test_a_session_is_seen_on_one_screen(therapist, state, safety, word):
+    given, page = therapist(size=(1280, 720))
     for trial in range(1, 42):
         given.robot.finish(trial)
     why = "less time, as the hand led (metric +0.100); softer side walls, as it kept to the line"
     given.robot.tell("/therapy/assistance", {
         "block": 1, "circuit": 1, "duration": 1.35, "side_stiffness": 90.0, "reason": why,
     })  # fmt: skip
-    given.state = state
-    given.until_text(page, why)
+    given.until_text(page, why, **state)
     given.robot.tell("/safety_state", {"level": safety, "reasons": ["emergency stop"]})
     page.get_by_text(word, exact=False).and_(page.locator(".badge")).wait_for()
     last = ".results tbody tr >> nth=9"
@@ -424,9 +409,8 @@ def test_a_session_is_seen_on_one_screen(serving, open_page, state, safety, word
     assert (now in page.inner_text(".results")) == (word != "Finished")
 
 
-def test_traces_are_told_apart_without_colour(serving, open_page):
-    given = serving()
-    page = open_page(given, "therapist")
+def test_traces_are_told_apart_without_colour(therapist):
+    given, page = therapist()
     given.until_text(page, "Position [cm]")
     given.until_text(page, "Force of the patient on the robot [N]")
     keys = page.evaluate(
@@ -438,10 +422,8 @@ def test_traces_are_told_apart_without_colour(serving, open_page):
 
 @pytest.mark.parametrize("size", [(390, 844), (1180, 820), (1920, 1080), (3840, 2160)])
 @pytest.mark.parametrize("robots", [("/",), ("/left", "/right")], ids=["one", "two"])
-def test_every_column_of_the_movements_is_seen(serving, open_page, size, robots):
-    given = serving(*robots)
-    page = open_page(given, "therapist", size=size)
-    given.until_text(page, "The robot is ready")
+def test_every_column_of_the_movements_is_seen(therapist, size, robots):
+    given, page = therapist(*robots, size=size)
     given.robot.finish(1000)
     given.until(page, f"document.querySelectorAll('.results tbody tr').length === {len(robots)}")
     hidden = "[...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth)"
@@ -449,10 +431,9 @@ def test_every_column_of_the_movements_is_seen(serving, open_page, size, robots)
 
 
 @pytest.mark.parametrize("size", [(390, 844), (820, 1180), (3840, 2160)])
-def test_nothing_sticks_out_of_the_screen(serving, open_page, size):
-    given = serving()
-    page, screen = open_page(given, "therapist", size=size), open_page(given, "patient", size=size)
-    given.until_text(page, "The robot is ready")
+def test_nothing_sticks_out_of_the_screen(therapist, open_page, size):
+    given, page = therapist(size=size)
+    screen = open_page(given, "patient", size=size)
     given.until_text(screen, "Pick fruit")
     for each in (page, screen):
         assert each.evaluate("document.documentElement.scrollWidth <= innerWidth")
