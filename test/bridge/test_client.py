@@ -38,6 +38,14 @@ def subscribed(gateway, topic="/endpoint_state", role=THERAPIST, limits=LIMITS, 
     return page
 
 
+def answered(gateway, message, **more):
+    """Send a message; return the page and its one answer."""
+    page = client(gateway, **more)
+    page.take(message, 0)
+    (answer,) = sent(page)
+    return page, answer
+
+
 def run(gateway, acts, role=THERAPIST):
     """Carry out `acts(page)`, a generator; let calls go on at each of its yields."""
 
@@ -97,9 +105,7 @@ def test_what_roslibjs_writes_is_understood(gateway):
     ],
 )
 def test_what_cannot_be_understood_is_told(gateway, text, told):
-    page = client(gateway)
-    page.take(text, 0)
-    (answer,) = sent(page)
+    page, answer = answered(gateway, text)
     assert answer["op"] == "status" and told in answer["msg"]
     assert len(answer["msg"]) < 400
     assert page.subscribed == frozenset()
@@ -116,9 +122,7 @@ def test_what_cannot_be_understood_is_told(gateway, text, told):
 ])  # fmt: skip
 def test_every_refusal_of_a_call_is_a_response(gateway, wrong):
     """roslibjs waits for one; a status tells its caller nothing."""
-    page = client(gateway)
-    page.take(text("call_service", id="mine", **wrong), 0)
-    (answer,) = sent(page)
+    _, answer = answered(gateway, text("call_service", id="mine", **wrong))
     assert (answer["op"], answer["id"], answer["result"]) == ("service_response", "mine", False)
     assert answer["values"] and gateway.calls == []
 
@@ -149,9 +153,7 @@ def test_half_of_a_surrogate_pair_is_refused(gateway, op):
 ).map(json.dumps))  # fmt: skip
 def test_no_text_does_more_than_be_refused(text):
     gateway = FakeGateway()
-    page = client(gateway)
-    page.take(text, 0)
-    (answer,) = sent(page)
+    _, answer = answered(gateway, text)
     assert answer["op"] in ("status", "service_response")
     assert (gateway.published, gateway.calls) == ([], [])
 
@@ -217,10 +219,9 @@ def test_unsubscribing_ends_it(gateway):
 @pytest.mark.parametrize("op", ["publish", "advertise"])
 def test_a_set_point_is_refused_and_goes_nowhere(gateway, role, op):
     """roslibjs advertises first: a game's author hears of it before the first message."""
-    page = client(gateway, role, wishes=True)
     kind = "screw_module_msgs/EndpointSetpoint"
-    page.take(text(op, topic="/setpoint", type=kind, msg={"position": {"x": 0.1}}, id="7"), 0)
-    (answer,) = sent(page)
+    message = text(op, topic="/setpoint", type=kind, msg={"position": {"x": 0.1}}, id="7")
+    page, answer = answered(gateway, message, role=role, wishes=True)
     assert (answer["op"], answer["level"], answer["id"]) == ("status", "error", "7")
     assert "therapy/wish" in answer["msg"]
     page.take(text("advertise", topic="/therapy/wish", type=kind, id="8"), 0)

@@ -11,7 +11,6 @@ import re
 import socket
 import ssl
 import subprocess
-import sys
 import threading
 import weakref
 from types import SimpleNamespace
@@ -493,9 +492,3 @@ def test_every_module_that_is_imported_is_there():
 
 def test_the_foreign_library_comes_with_its_licence():
     assert "MIT License" in (FOLDER / "vendor/uplot/LICENSE").read_text("utf-8")
-
-
-def test_nothing_here_needs_ros():
-    code = "import sys, screw_module_ros.bridge.server; print('rclpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
