@@ -31,9 +31,9 @@ def after(p, u, steps, height=0.2, **moving):
     return run(p, resting_state(p.module, height, u.upright)._replace(**moving), u, steps)
 
 
-def along(p, u, steps, **moving):
-    """Yield (before, after) of each step from rest at 0.2 m."""
-    s = resting_state(p.module, 0.2, u.upright)._replace(**moving)
+def along(p, u, steps, height=0.2, **moving):
+    """Yield (before, after) of each step from rest; moving: what else the start is."""
+    s = resting_state(p.module, height, u.upright)._replace(**moving)
     for _ in range(steps):
         before, s = s, quick_step(p, s, u)
         yield before, s
@@ -77,16 +77,10 @@ def energy(p, s, upright=1.0):
 def test_passive_module_never_gains_energy(
     vertical, still, height, nut_velocity, handle_velocity, gap, upright, braked, side_force
 ):
-    s = resting_state(vertical.module, height, upright)._replace(
-        nut_velocity=nut_velocity, handle_velocity=handle_velocity, handle=height + gap
-    )
     u = still._replace(upright=upright, braked=braked, side_force=side_force)
-    now = energy(vertical, s, upright)
-    for _ in range(3000):
-        s = quick_step(vertical, s, u)
-        after = energy(vertical, s, upright)
-        assert after <= now + 1e-7
-        now = after
+    moving = {"nut_velocity": nut_velocity, "handle_velocity": handle_velocity}
+    for before, s in along(vertical, u, 3000, height, handle=height + gap, **moving):
+        assert energy(vertical, s, upright) <= energy(vertical, before, upright) + 1e-7
 
 
 def test_friction_carries_the_handle_in_the_upper_half(vertical, still):
@@ -108,16 +102,10 @@ def test_lock_pin_holds_against_the_full_motor(vertical, still):
 
 @pytest.mark.parametrize(("end", "way"), [(0.0, -1.0), (0.36, 1.0)])
 def test_end_stop_throws_back_less_than_came(vertical, still, end, way):
-    s = resting_state(vertical.module, end - way * 0.02, 1.0)._replace(
-        nut_velocity=way * 0.4, handle_velocity=way * 0.4
-    )
-    back = deepest = 0.0
-    for _ in range(4000):
-        s = quick_step(vertical, s, still)
-        back = max(back, -way * s.nut_velocity)
-        deepest = max(deepest, way * (s.handle - end))
-    assert 0.0 < deepest < 5e-3
-    assert back < 0.4
+    fast = {"nut_velocity": way * 0.4, "handle_velocity": way * 0.4}
+    states = [s for _, s in along(vertical, still, 4000, height=end - way * 0.02, **fast)]
+    assert 0.0 < max(way * (s.handle - end) for s in states) < 5e-3
+    assert max(-way * s.nut_velocity for s in states) < 0.4
 
 
 def test_full_motor_does_not_push_through_the_end_stop(vertical, still):

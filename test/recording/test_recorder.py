@@ -18,20 +18,29 @@ from screw_module_ros.recording.recover import recover
 
 
 @pytest.fixture
-def session(tmp_path, encoder_topic):
-    session = Recording(Bag(tmp_path / "bag"), free_space=lambda: 10 * SECOND)
-    session.add_topic(encoder_topic)
+def recording(tmp_path, encoder_topic):
+    """Return a maker of recordings, into a new bag or one that has the topic already."""
+
+    def make(writer=None, free_space=lambda: 10 * SECOND, **storage):
+        writer = writer or Bag(tmp_path / "bag")
+        made = Recording(writer, StorageSettings(**storage), free_space=free_space)
+        made.add_topic(encoder_topic)
+        return made
+
+    return make
+
+
+@pytest.fixture
+def session(recording):
+    session = recording()
     yield session
     session.close()
 
 
 @pytest.fixture
-def small(tmp_path, encoder_topic):
+def small(recording):
     """A recording whose cache holds some thousand messages."""
-    settings = StorageSettings(max_cache=2**20)
-    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
-    session.add_topic(encoder_topic)
-    return session
+    return recording(max_cache=2**20)
 
 
 def test_nothing_is_flushed_before_its_time_and_all_after(session, samples):
@@ -196,15 +205,9 @@ def test_bag_ends_with_the_last_flush_and_the_loss_is_told(writer, samples, fill
     assert recover(writer.folder).messages == 100
 
 
-def recording(writer, encoder_topic, **options):
-    made = Recording(writer, **options)
-    made.add_topic(encoder_topic)  # the writer has it
-    return made
-
-
-def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fill, encoder_topic):
+def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fill, recording):
     """Also what was taken from the queue before the write that failed."""
-    session = recording(writer, encoder_topic, free_space=lambda: SECOND)
+    session = recording(writer)
     fill(10)
     session.put(samples(1, range(100, 2000)))
     session.work(0)
@@ -217,9 +220,9 @@ def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fil
     assert ticks(writer.folder) == list(range(100))
 
 
-def test_recording_stops_in_good_order_before_the_disk_is_full(writer, samples, encoder_topic):
+def test_recording_stops_in_good_order_before_the_disk_is_full(writer, samples, recording):
     free = iter([10**9, 10**6])
-    session = recording(writer, encoder_topic, free_space=lambda: next(free))
+    session = recording(writer, lambda: next(free))
     for turn in range(3):
         session.put(samples(1, range(100 + turn, 101 + turn)))
         session.work(turn * SECOND)
@@ -231,8 +234,8 @@ def test_recording_stops_in_good_order_before_the_disk_is_full(writer, samples, 
     assert "closed" in (writer.folder / "metadata.yaml").read_text()
 
 
-def test_a_deleted_folder_is_told_at_the_next_flush(writer, samples, encoder_topic):
-    session = recording(writer, encoder_topic, free_space=lambda: SECOND)
+def test_a_deleted_folder_is_told_at_the_next_flush(writer, samples, recording):
+    session = recording(writer)
     session.put(samples(1, range(100, 110)))
     session.work(0)
     shutil.rmtree(writer.folder)
