@@ -87,12 +87,15 @@ class Graph:
         """Call a service; a node that is not active yet is asked again."""
         client = self.node.create_client(Trigger, f"/session_recorder/{name}")
         self.until(client.service_is_ready, f"the service {name}")
-        answer = Trigger.Response(message="not active")
-        while "not active" in answer.message:
-            future = client.call_async(Trigger.Request())
-            self.until(future.done, f"the answer of {name}")
-            answer = future.result()
-        return answer
+        answers = []
+
+        def answered():
+            if not answers or (answers[-1].done() and "not active" in answers[-1].result().message):
+                answers.append(client.call_async(Trigger.Request()))
+            return answers[-1].done() and "not active" not in answers[-1].result().message
+
+        self.until(answered, f"the answer of {name}")
+        return answers[-1].result()
 
     def connected(self):
         self.until(
