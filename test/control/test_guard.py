@@ -4,8 +4,8 @@
 import math
 
 import pytest
+from law_runs import DT, VERTICAL, vertical_outputs
 
-from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.guard import (
     BEGIN,
@@ -13,22 +13,16 @@ from screw_module_ros.control.guard import (
     KEPT,
     PASSIVE,
     RETURN,
-    Chatter,
     Guard,
-    chatter_step,
     damper_force,
     forget,
-    forget_chatter,
     guard_step,
     guarded,
     tune_guard,
 )
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
-from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical import VerticalInput, initial_state
 
-DT, LIMIT, LEAST = 0.001, 1.2, 0.6
-MODEL = thesis_friction()
-SETTINGS = VerticalSettings()
+LIMIT, LEAST = 1.2, 0.6
 AT = 0.18
 REST = VerticalInput(modes.IMPEDANCE, AT, 0.0, 0.0, AT, 0.0, True)
 
@@ -48,42 +42,61 @@ def nothing(t):
     return 0.0
 
 
-# -- chatter -------------------------------------------------------------------------------------
+def after(force, error, speed, seconds, guard=None):
+    """A guard after the handle's force, one beside the impedance's, and a speed of the nut.
+
+    All three are functions of time; the least share that it left comes second.
+    """
+    guard, least = guard or quiet(), 1.0
+    for k in range(round(seconds / DT)):
+        t = k * DT
+        guard_step(guard, force(t), error(t), speed(t), LEAST, LIMIT, DT)
+        least = min(least, guard.share)
+    return guard, least
 
 
 def shaken(force, seconds, guard=None):
-    """Guard after a force, a function of time, on a nut that does not move."""
-    guard = guard or quiet()
-    for k in range(round(seconds / DT)):
-        guard_step(guard, force(k * DT), 0.0, 0.0, LEAST, LIMIT, DT)
-    return guard
+    """A guard after a force on a nut that does not move."""
+    return after(force, nothing, nothing, seconds, guard)[0]
 
 
-@pytest.mark.parametrize("frequency", [90.0, 140.0])
-def test_chatter_takes_the_gain_away_within_a_quarter_of_a_second(frequency):
-    assert shaken(sine(6.0, frequency), 0.25).share == 0.0
+def moved(error, speed, seconds, guard=None):
+    """A guard after a force beside the impedance's and a speed of the nut."""
+    return after(nothing, error, speed, seconds, guard)[0]
+
+
+# -- chatter -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("size", "frequency", "seconds", "share"),
+    [
+        (6.0, 90.0, 0.25, 0.0),  # a quarter of a second takes the gain away
+        (6.0, 140.0, 0.25, 0.0),
+        (3.0, 120.0, 0.05, 1.0),  # a weaker one takes longer, and as much
+        (3.0, 120.0, 1.5, 0.0),
+    ],
+)
+def test_chatter_takes_the_gain_away(size, frequency, seconds, share):
+    assert shaken(sine(size, frequency), seconds).share == share
+
+
+def jolt(t):
+    return 30.0 if 0.3 < t < 0.32 else 0.0
+
+
+def grip(t):
+    """A hand that grips within 50 ms [N]."""
+    return 12.0 * min(1.0, t / 0.05)
 
 
 @pytest.mark.parametrize(
     "force",
-    [
-        sine(40.0, 0.5),  # a hand that works
-        sine(5.0, 5.0),  # tremor
-        sine(1.0, 100.0),  # noise
-        lambda t: 30.0 if 0.3 < t < 0.32 else 0.0,  # a jolt
-        lambda t: 12.0 * min(1.0, t / 0.05),  # a hand that grips within 50 ms
-    ],
+    [sine(40.0, 0.5), sine(5.0, 5.0), sine(1.0, 100.0), jolt, grip],
+    ids=["a hand that works", "tremor", "noise", "jolt", "grip"],
 )
 def test_what_hands_do_is_no_chatter(force):
-    chatter = quiet().chatter
-    for k in range(2000):
-        chatter_step(chatter, force(k * DT), LIMIT, DT)
-        assert chatter.share == 1.0
-
-
-def test_a_weaker_chatter_takes_longer_and_as_much():
-    assert shaken(sine(3.0, 120.0), 0.05).share == 1.0
-    assert shaken(sine(3.0, 120.0), 1.5).share == 0.0
+    assert after(force, nothing, nothing, 2.0)[1] == 1.0
 
 
 def test_the_gain_is_back_soon_after_the_chatter():
@@ -92,21 +105,7 @@ def test_the_gain_is_back_soon_after_the_chatter():
     assert shaken(nothing, 1.5 * RETURN + 0.1, guard).share == 1.0
 
 
-def test_chatter_can_be_made_to_forget_at_once():
-    chatter = shaken(sine(6.0, 120.0), 1.0).chatter
-    forget_chatter(chatter)
-    assert chatter == quiet().chatter != Chatter()
-
-
 # -- passivity -----------------------------------------------------------------------------------
-
-
-def moved(error, speed, seconds, guard=None):
-    """Guard after a force beside the impedance's and a speed of the nut, functions of time."""
-    guard = guard or quiet()
-    for k in range(round(seconds / DT)):
-        guard_step(guard, 0.0, error(k * DT), speed(k * DT), LEAST, LIMIT, DT)
-    return guard
 
 
 def shown(resistance, frequency, size=0.05, spring=400.0):
@@ -170,10 +169,8 @@ def test_a_hand_in_motion_hardly_feels_the_damper():
     ],
 )
 def test_what_hands_and_springs_do_leaves_the_gain(force, speed):
-    guard = quiet()
-    for k in range(3000):
-        guard_step(guard, 0.0, force(k * DT), speed(k * DT), LEAST, LIMIT, DT)
-        assert guard.share == 1.0
+    guard, least = after(nothing, force, speed, 3.0)
+    assert least == 1.0
     assert guard.passivity.need < BEGIN
 
 
@@ -200,13 +197,11 @@ def test_the_operator_reads_what_is_left():
 # -- in the law ----------------------------------------------------------------------------------
 
 
-def law_after(inp, force, seconds=1.5, settings=SETTINGS):
+def law_after(inp, force, seconds=1.5, state=None):
     """The law's last output for a handle force, a function of time [N]."""
-    state = initial_state(settings)
-    for tick in range(round(seconds / DT)):
-        sample = inp._replace(force=force(tick * DT))
-        output = vertical_step(settings, MODEL, state, sample, DT)
-    return output
+    times = [tick * DT for tick in range(round(seconds / DT))]
+    inputs = [inp._replace(force=force(time)) for time in times]
+    return vertical_outputs(inputs, VERTICAL, state)[-1]
 
 
 @pytest.mark.parametrize(
@@ -227,54 +222,44 @@ def test_shaking_in_a_mode_with_a_gain_takes_it_away(mode):
 
 def test_what_the_guard_took_is_forgotten_with_the_gain():
     """A share that stayed in mode 1 warned there, and met the next mode."""
-    state = initial_state(SETTINGS)
-    for tick in range(3000):
-        mode = modes.OBSERVER if tick < 1500 else modes.IMPEDANCE
-        force = sine(10.0, 120.0)(tick * DT) if tick < 1500 else 0.0
-        inp = REST._replace(mode=mode, force=force)
-        output = vertical_step(SETTINGS, MODEL, state, inp, DT)
-        if tick == 1499:
-            assert output.share == 0.0
-            state.guard.passivity.need = 60.0
-    assert output.share == 1.0
+    state = initial_state(VERTICAL)
+    shaking = REST._replace(mode=modes.OBSERVER)
+    assert law_after(shaking, sine(10.0, 120.0), state=state).share == 0.0
+    state.guard.passivity.need = 60.0
+    assert law_after(REST, nothing, state=state).share == 1.0
     assert state.guard.passivity.need == 0.0
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_its_damper_acts_in_a_slot_too(weight):
     """A slot takes the place of spring and damper."""
-    state = initial_state(SETTINGS)
+    state = initial_state(VERTICAL)
     inp = REST._replace(mode=modes.FORCE_FEEDBACK, slot_weight=weight)
-    for _ in range(1500):
-        vertical_step(SETTINGS, MODEL, state, inp, DT)
+    law_after(inp, nothing, state=state)
     state.guard.passivity.need = 40.0
-    moving = inp._replace(velocity=0.1)
-    for tick in range(20):
-        moving = moving._replace(position=AT + 0.1 * DT * (tick + 1))
-        output = vertical_step(SETTINGS, MODEL, state, moving, DT)
-    assert output.impedance < -0.5
+    places = [AT + 0.1 * DT * tick for tick in range(1, 21)]
+    moving = [inp._replace(velocity=0.1, position=place) for place in places]
+    assert vertical_outputs(moving, VERTICAL, state)[-1].impedance < -0.5
 
 
 @pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.OBSERVER])
 def test_a_set_point_that_moves_the_hand_takes_no_gain_away(mode):
     """It gives power to the hand, as an oscillation does that the robot drives."""
-    law = SETTINGS._replace(stiffness=800.0, damping=20.0)
+    law = VERTICAL._replace(stiffness=800.0, damping=20.0)
     state, height, speed = initial_state(law), AT, 0.0
-    for tick in range(2000):
-        sought = AT if tick < 1000 else AT + 0.05
+    for sought in [AT] * 1000 + [AT + 0.05] * 1000:
         force = -400.0 * (height - AT) - 30.0 * speed  # of a hand on a weightless handle
         inp = VerticalInput(mode, height, speed, force, sought, 0.0, True)
-        output = vertical_step(law, MODEL, state, inp, DT)
+        (output,) = vertical_outputs([inp], law, state)
+        assert output.share == 1.0
         speed += DT * (output.impedance + force - 5.0 * speed) / 1.0
         height += DT * speed
-        assert output.share == 1.0
     assert height - AT > 0.02
 
 
 @pytest.mark.parametrize("mode", list(filter(modes.uses_force, modes.MODE_NAMES)))
-def test_a_nut_that_stands_against_more_than_friction_is_pressed_by_nothing_else(mode):
+@pytest.mark.parametrize(("hand", "left"), [(30.0, 0.0), (8.0, VERTICAL.standing_force - 8.0)])
+def test_a_nut_that_stands_against_more_than_friction_is_pressed_by_nothing_else(mode, hand, left):
     """An obstacle that the transducer does not feel met up to 113 N."""
-    hard = law_after(REST._replace(mode=mode), lambda t: 30.0, 3.0)
-    assert hard.friction + hard.feedback == pytest.approx(0.0, abs=0.1)
-    soft = law_after(REST._replace(mode=mode), lambda t: 8.0, 3.0)
-    assert soft.friction + soft.feedback == pytest.approx(SETTINGS.standing_force - 8.0, abs=0.1)
+    output = law_after(REST._replace(mode=mode), lambda t: hand, 3.0)
+    assert output.friction + output.feedback == pytest.approx(left, abs=0.1)

@@ -2,62 +2,45 @@
 """Force feedback in the plane: what it leaves of mass and friction, its limits, and its guard."""
 
 import math
+from itertools import pairwise
 
 import pytest
+from law_runs import PLANE_DT as DT
+from law_runs import handle_force, planar_outputs, plane_at
 
-from screw_module_ros.control.planar import STANDING, PlanarInput, initial_state, planar_step
+from screw_module_ros.control.planar import STANDING, initial_state, planar_step
 from screw_module_ros.control.planar_settings import (
     DELAY,
     STUDIED_GAIN,
     PlanarSettings,
     least_damping,
 )
-from screw_module_ros.geometry import inverse, jacobian
 
-DT = 0.002
 MASS = 6.5
 FED = PlanarSettings(force_gain=STUDIED_GAIN)
 PLAIN = FED._replace(stiffness=0.0, damping=0.0)
-NO_SETPOINT = (math.nan,) * 4
-UNKNOWN = (math.nan, math.nan)
+EAST, NORTH = math.cos(0.6), math.sin(0.6)
 
 
-def at(x, y, velocity=(0.0, 0.0), force=UNKNOWN, setpoint=NO_SETPOINT):
-    """Input with the handle at x, y [m], its velocity [m/s] and the patient's force [N]."""
-    shoulder, elbow = inverse(x, y)
-    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow)
-    determinant = x_s * y_e - x_e * y_s
-    vx, vy = velocity
-    speeds = (y_e * vx - x_e * vy) / determinant, (x_s * vy - y_s * vx) / determinant
-    return PlanarInput(shoulder, elbow, *speeds, *setpoint, True, 0.0, 0.0, 0.0, *force)
+def accelerated(speed, driven, friction=0.0):
+    """Speed of the mass a tick later under a force and friction [N]."""
+    stopping = driven + MASS * speed / DT
+    return speed + (driven - math.copysign(min(friction, abs(stopping)), stopping)) / MASS * DT
 
 
-def pressed(output, inp):
-    """Force of the torques at the handle [N]."""
-    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow)
-    determinant = x_s * y_e - x_e * y_s
-    return (
-        (y_e * output.shoulder_torque - y_s * output.elbow_torque) / determinant,
-        (x_s * output.elbow_torque - x_e * output.shoulder_torque) / determinant,
-    )
-
-
-def pushed(force, seconds, law=PLAIN, friction=0.0, way=0.6):
-    """Velocities along a way [rad] of a mass with ideal sensors, each tick.
+def pushed(force, seconds, law=PLAIN, friction=0.0):
+    """Velocities along a way of a mass with ideal sensors, each tick.
 
     force: of the patient at a time [N]; friction: of the mass [N].
     """
-    state, speed, shown = initial_state(law), 0.0, []
-    east, north = math.cos(way), math.sin(way)
+    state, speeds = initial_state(law), [0.0]
     for tick in range(round(seconds / DT)):
-        push = force(tick * DT)
-        inp = at(0.0, 0.0, (speed * east, speed * north), (push * east, push * north))
-        fx, fy = pressed(planar_step(law, state, inp, DT), inp)
-        driven = push + fx * east + fy * north
-        stopping = driven + MASS * speed / DT
-        speed += (driven - math.copysign(min(friction, abs(stopping)), stopping)) / MASS * DT
-        shown.append(speed)
-    return shown
+        push, speed = force(tick * DT), speeds[-1]
+        inp = plane_at(0.0, 0.0, velocity=(speed * EAST, speed * NORTH),
+                       force=(push * EAST, push * NORTH))  # fmt: skip
+        fx, fy = handle_force(planar_step(law, state, inp, DT), inp)
+        speeds.append(accelerated(speed, push + fx * EAST + fy * NORTH, friction))
+    return speeds
 
 
 @pytest.mark.parametrize("gain", [0.0, 4.0, 9.0])
@@ -70,13 +53,13 @@ def test_the_mass_that_the_hand_feels_is_divided(gain):
     assert force / (omega * amplitude) == pytest.approx(MASS / (1.0 + gain), rel=0.03)
 
 
-def test_the_friction_that_the_hand_feels_is_divided():
+@pytest.mark.parametrize(
+    ("gain", "push", "moves"), [(9.0, 0.18, False), (9.0, 0.22, True), (0.0, 1.9, False)]
+)
+def test_the_friction_that_the_hand_feels_is_divided(gain, push, moves):
     """A push below a tenth of the friction does not move the handle, one a little above does."""
-    law, friction = PLAIN._replace(force_gain=9.0), 2.0
-    assert pushed(lambda t: 0.18, 2.0, law, friction)[-1] == pytest.approx(0.0, abs=1e-9)
-    assert pushed(lambda t: 0.22, 2.0, law, friction)[-1] > 0.02
-    without = PLAIN._replace(force_gain=0.0)
-    assert pushed(lambda t: 1.9, 2.0, without, friction)[-1] == pytest.approx(0.0, abs=1e-9)
+    speed = pushed(lambda t: push, 2.0, PLAIN._replace(force_gain=gain), friction=2.0)[-1]
+    assert speed > 0.02 if moves else speed == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("aim", [(0.15, 0.0), (0.0, 0.2), (-0.12, -0.1)])
@@ -85,8 +68,8 @@ def test_the_limit_holds_at_a_hand_that_does_not_give_way(aim):
     law = PLAIN._replace(stiffness=2000.0)
     state, force = initial_state(law), (0.0, 0.0)
     for _ in range(3000):
-        inp = at(0.0, 0.0, force=force, setpoint=(*aim, 0.0, 0.0))
-        force = tuple(-f for f in pressed(planar_step(law, state, inp, DT), inp))
+        inp = plane_at(0.0, 0.0, (*aim, 0.0, 0.0), force=force)
+        force = tuple(-f for f in handle_force(planar_step(law, state, inp, DT), inp))
         assert math.hypot(*force) <= law.force_limit + 0.3
     assert math.hypot(*force) == pytest.approx(law.force_limit, rel=1e-3)
 
@@ -95,108 +78,75 @@ def test_the_limit_holds_at_a_hand_that_does_not_give_way(aim):
 def test_a_false_force_is_worth_no_more_than_the_feedbacks_limit(speed, most):
     """And little while the handle stands."""
     state = initial_state(PLAIN)
-    for _ in range(1000):
-        inp = at(0.0, 0.0, (0.0, speed), force=(100.0, -70.0))
-        output = planar_step(PLAIN, state, inp, DT)
+    inp = plane_at(0.0, 0.0, velocity=(0.0, speed), force=(100.0, -70.0))
+    *_, output = planar_outputs([inp] * 1000, PLAIN, state)
     assert math.hypot(state.x.fed, state.y.fed) == pytest.approx(most)
-    assert math.hypot(*pressed(output, inp)) <= most + 7.0 * speed
+    assert math.hypot(*handle_force(output, inp)) <= most + 7.0 * speed
 
 
-def test_without_a_force_the_gain_fades_and_the_impedance_is_left():
-    law, setpoint = FED, (0.05, 0.0, 0.0, 0.0)
-    state, plain = initial_state(law), initial_state(law)
-    known = at(0.0, 0.0, force=(3.0, 1.0), setpoint=setpoint)
-    for _ in range(1000):
-        planar_step(law, state, known, DT)
-        planar_step(law, plain, known._replace(force_x=math.nan), DT)
-    assert state.gain == law.force_gain
-    assert plain.gain == 0.0
-    before = planar_step(law, state, known, DT)
-    for unknown in (at(0.0, 0.0, setpoint=setpoint),
-                    at(0.0, 0.0, force=(math.inf, 0.0), setpoint=setpoint)):  # fmt: skip
-        for _ in range(500):
-            after = planar_step(law, state, unknown, DT)
-            step = max(abs(after.shoulder_torque - before.shoulder_torque),
-                       abs(after.elbow_torque - before.elbow_torque))  # fmt: skip
-            assert step <= law.torque_rate * DT + 1e-9
-            before = after
-        assert state.gain == 0.0
-        inp = at(0.0, 0.0, setpoint=setpoint)
-        assert pressed(after, inp) == pytest.approx(pressed(planar_step(law, plain, inp, DT), inp))
+@pytest.mark.parametrize("unknown", [(math.nan, math.nan), (math.inf, 0.0)])
+def test_without_a_force_the_gain_fades_and_the_impedance_is_left(unknown):
+    state, plain = initial_state(FED), initial_state(FED)
+    known = plane_at(0.0, 0.0, (0.05, 0.0, 0.0, 0.0), force=(3.0, 1.0))
+    *_, before = planar_outputs([known] * 1000, FED, state)
+    assert state.gain == FED.force_gain
+    lost = known._replace(force_x=unknown[0], force_y=unknown[1])
+    outputs = planar_outputs([lost] * 500, FED, state)
+    for one, other in pairwise([before, *outputs]):
+        assert abs(other.shoulder_torque - one.shoulder_torque) <= FED.torque_rate * DT + 1e-9
+        assert abs(other.elbow_torque - one.elbow_torque) <= FED.torque_rate * DT + 1e-9
+    never_known = planar_outputs([known._replace(force_x=math.nan)] * 1500, FED, plain)
+    assert (state.gain, plain.gain) == (0.0, 0.0)
+    assert handle_force(outputs[-1], lost) == pytest.approx(handle_force(never_known[-1], lost))
 
 
 def test_no_jump_at_enabling_with_a_hand_that_pushes():
-    law, before = FED, (0.0, 0.0)
-    state = initial_state(law)
-    for _ in range(400):
-        output = planar_step(law, state, at(0.05, 0.1, force=(20.0, -15.0)), DT)
-        torques = output.shoulder_torque, output.elbow_torque
+    outputs = planar_outputs([plane_at(0.05, 0.1, force=(20.0, -15.0))] * 400, FED)
+    for torques in ([each.shoulder_torque for each in outputs],
+                    [each.elbow_torque for each in outputs]):  # fmt: skip
         # 20 N in half a second, a tenth of the limit of the rate
-        assert max(abs(a - b) for a, b in zip(torques, before, strict=True)) < 0.25
-        before = torques
-    assert max(map(abs, before)) > 2.0
+        assert max(abs(b - a) for a, b in pairwise([0.0, *torques])) < 0.25
+    assert max(abs(outputs[-1].shoulder_torque), abs(outputs[-1].elbow_torque)) > 2.0
+
+
+def shaken(frequency, speed, force, state):
+    """Outputs for a handle that swings along x for two seconds: speed [m/s], force [N]."""
+    swing = [math.cos(2.0 * math.pi * frequency * tick * DT) for tick in range(1000)]
+    inputs = [plane_at(0.0, 0.0, velocity=(speed * s, 0.0), force=(force * s, 0.0)) for s in swing]
+    return planar_outputs(inputs, FED, state)
 
 
 def test_a_robot_that_drives_an_oscillation_gets_a_damper_and_loses_gain():
-    law, state = FED, initial_state(FED)
-    shares, braked = [], 0.0
-    for tick in range(1000):
-        phase = 2.0 * math.pi * 12.0 * tick * DT
-        inp = at(0.0, 0.0, (0.03 * math.cos(phase), 0.0), (-4.0 * math.cos(phase), 0.0))
-        output = planar_step(law, state, inp, DT)
-        shares.append(output.share)
-        braked = output.force_x / output.vx if abs(output.vx) > 0.02 else braked
-    assert shares[0] == 1.0 and shares[-1] == 0.0
+    state = initial_state(FED)
+    outputs = shaken(12.0, 0.03, -4.0, state)
+    braked = [output.force_x / output.vx for output in outputs if abs(output.vx) > 0.02]
+    assert outputs[0].share == 1.0 and outputs[-1].share == 0.0
     assert state.y.guard.share == 1.0, "the other axis keeps its gain"
-    assert braked < -50.0
+    assert braked[-1] < -50.0
 
 
 def test_a_hand_that_trembles_keeps_the_gain():
-    law, state = FED, initial_state(FED)
-    for tick in range(1000):
-        phase = 2.0 * math.pi * 5.0 * tick * DT
-        inp = at(0.0, 0.0, (0.1 * math.cos(phase), 0.0), (4.0 * math.cos(phase), 0.0))
-        assert planar_step(law, state, inp, DT).share == 1.0
+    assert {output.share for output in shaken(5.0, 0.1, 4.0, initial_state(FED))} == {1.0}
 
 
 def test_chatter_that_no_velocity_shows_takes_gain_and_damper():
     """On a wall of 1e6 N/m, 60 Hz: a damper on a velocity that lags would keep it up."""
-    law, state = FED, initial_state(FED)
-    state.x.guard.passivity.need = 100.0
+    state = initial_state(FED)
     for tick in range(300):
-        force = (6.0 * math.sin(2.0 * math.pi * 60.0 * tick * DT), 0.0)
-        velocity = (0.02 * (tick % 2), 0.0)
-        output = planar_step(law, state, at(0.0, 0.0, velocity, force), DT)
         state.x.guard.passivity.need = 100.0
+        force = (6.0 * math.sin(2.0 * math.pi * 60.0 * tick * DT), 0.0)
+        inp = plane_at(0.0, 0.0, velocity=(0.02 * (tick % 2), 0.0), force=force)
+        output = planar_step(FED, state, inp, DT)
     assert output.share == 0.0
     assert abs(output.force_x) <= 0.02 * state.damping + 1e-9
 
 
-def test_towards_an_edge_the_speed_limit_falls_with_the_way_left():
-    law = PLAIN
-
-    def braked(y, speed):
-        state = initial_state(law)
-        state.weight = 1.0
-        return planar_step(law, state, at(0.0, y, (0.0, speed)), DT).force_y
-
-    allowed = math.sqrt(2.0 * law.edge_braking * 0.1)
-    near = law.half_depth - 0.1
-    assert braked(near, 0.95 * allowed) == pytest.approx(0.0, abs=1e-9)
-    assert braked(near, allowed + 0.1) == pytest.approx(-0.1 * law.speed_damping, rel=1e-6)
-    assert braked(near, 2.0 * allowed) == pytest.approx(-law.force_limit)
-    assert braked(near, -0.95 * law.speed_limit) == pytest.approx(0.0, abs=1e-9), "the way back"
-
-
 def test_the_feedback_does_not_help_a_hand_over_the_edge():
-    law = PLAIN
-    state = initial_state(law)
-    for _ in range(500):
-        inp = at(0.0, law.half_depth, force=(0.0, 30.0))
-        output = planar_step(law, state, inp, DT)
+    state, inp = initial_state(PLAIN), plane_at(0.0, PLAIN.half_depth, force=(0.0, 30.0))
+    *_, output = planar_outputs([inp] * 500, PLAIN, state)
     assert state.y.fed > 5.0
     assert output.force_y < 0.0
-    assert pressed(output, inp)[1] == pytest.approx(output.force_y)
+    assert handle_force(output, inp)[1] == pytest.approx(output.force_y)
 
 
 def test_least_damping_is_for_what_the_gain_leaves():
@@ -208,23 +158,19 @@ def test_least_damping_is_for_what_the_gain_leaves():
 
 def test_an_obstacle_that_is_not_felt_is_not_pressed_with_all_of_the_gain():
     """A table's edge at the arm: the handle stands, no force shows, the spring pulls with 5 N."""
-    state, setpoint = initial_state(FED), (0.05, 0.0, 0.0, 0.0)
-    for _ in range(2000):
-        inp = at(0.0, 0.0, force=(0.0, 0.0), setpoint=setpoint)
-        output = planar_step(FED, state, inp, DT)
-    assert math.hypot(*pressed(output, inp)) == pytest.approx(5.0 + STANDING, abs=0.1)
+    inp = plane_at(0.0, 0.0, (0.05, 0.0, 0.0, 0.0), force=(0.0, 0.0))
+    *_, output = planar_outputs([inp] * 2000, FED)
+    assert math.hypot(*handle_force(output, inp)) == pytest.approx(5.0 + STANDING, abs=0.1)
 
 
 @pytest.mark.parametrize("stiffness", [50.0, 100.0, 200.0])
 def test_a_released_handle_comes_to_rest_in_a_slot_without_a_damper(stiffness):
-    state, place, speed, late = initial_state(FED), 0.03, 0.0, (0.0, 0.0)
-    far = []
+    state, place, speed, late, far = initial_state(FED), 0.03, 0.0, (0.0, 0.0), []
     for _ in range(4000):
-        slot = -stiffness * place
-        inp = at(place, 0.0, (speed, 0.0), (0.0, 0.0))._replace(slot_x=slot, slot_weight=1.0)
-        driven, late = late[0], pressed(planar_step(FED, state, inp, DT), inp)
-        friction = min(0.8, abs(driven + MASS * speed / DT))
-        speed += (driven - math.copysign(friction, driven + MASS * speed / DT)) / MASS * DT
+        inp = plane_at(place, 0.0, velocity=(speed, 0.0), force=(0.0, 0.0))
+        inp = inp._replace(slot_x=-stiffness * place, slot_weight=1.0)
+        driven, late = late[0], handle_force(planar_step(FED, state, inp, DT), inp)
+        speed = accelerated(speed, driven, 0.8)
         place += speed * DT
         far.append(abs(place))
     assert max(far[-500:]) < 0.003

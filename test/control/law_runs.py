@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The laws of both axes run over inputs, with the memory that they keep; forces in the plane."""
+
+from __future__ import annotations
+
+import math
+
+from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.control import planar, vertical
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.geometry import inverse, jacobian
+
+MODEL = thesis_friction()
+DT, PLANE_DT = 0.001, 0.002
+NO_SETPOINT = (math.nan,) * 4
+UNKNOWN = (math.nan, math.nan)
+VERTICAL, PLANAR = VerticalSettings(), PlanarSettings()
+
+
+def vertical_outputs(inputs, law=VERTICAL, state=None):
+    """Return the vertical law's output for each input, one a tick."""
+    state = state or vertical.initial_state(law)
+    return [vertical.vertical_step(law, MODEL, state, inp, DT) for inp in inputs]
+
+
+def planar_outputs(inputs, law=PLANAR, state=None):
+    """Return the planar law's output for each input, one a tick."""
+    state = state or planar.initial_state(law)
+    return [planar.planar_step(law, state, inp, PLANE_DT) for inp in inputs]
+
+
+def plane_at(x, y, setpoint=NO_SETPOINT, velocity=(0.0, 0.0), force=UNKNOWN):
+    """Return an input: handle at x, y [m], its velocity [m/s] and the patient's force [N]."""
+    shoulder, elbow = inverse(x, y)
+    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow)
+    determinant = x_s * y_e - x_e * y_s
+    vx, vy = velocity
+    speeds = (y_e * vx - x_e * vy) / determinant, (x_s * vy - y_s * vx) / determinant
+    return planar.PlanarInput(shoulder, elbow, *speeds, *setpoint, True, 0.0, 0.0, 0.0, *force)
+
+
+def handle_force(output, inp):
+    """Return the force of the torques at the handle [N]: the Jacobian transpose, inverted."""
+    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow)
+    determinant = x_s * y_e - x_e * y_s
+    return (
+        (y_e * output.shoulder_torque - y_s * output.elbow_torque) / determinant,
+        (x_s * output.elbow_torque - x_e * output.shoulder_torque) / determinant,
+    )
