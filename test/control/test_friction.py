@@ -2,13 +2,12 @@
 """The friction model against the thesis's printed figures, and its behaviour at every edge."""
 
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from law_runs import MODEL
 
-from screw_module_ros.calibration.module import load_friction_model
 from screw_module_ros.control.friction import (
     FALL_TIME,
     Presliding,
@@ -16,8 +15,6 @@ from screw_module_ros.control.friction import (
     friction_force,
 )
 
-FILE = Path(__file__).parents[2] / "params" / "friction_thesis.yaml"
-MODEL = load_friction_model(FILE)
 heights = st.floats(-0.1, 0.5)
 speeds = st.floats(-3.0, 3.0)
 

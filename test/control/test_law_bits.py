@@ -5,6 +5,8 @@ A law is rewritten without a change of a single bit, or its digest here changes 
 why. The inputs are made by sums and products alone, which are the same everywhere. The laws also
 use `exp`, `pow`, `tan` and others, whose last bit may differ between mathematics libraries; where
 those differ the digests say nothing, and the tests are skipped.
+
+The compiled twins of the laws get the same inputs, and keep the same memory.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import struct
 import pytest
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control import planar
+from screw_module_ros.compiled import compiled, packed
 from screw_module_ros.control.excitation import (
     Excitation,
     Excited,
@@ -29,6 +31,8 @@ from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_s
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
 from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OFF
+from screw_module_ros.control.planar import PlanarInput, planar_step
+from screw_module_ros.control.planar import initial_state as initial_plane
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.setpoint import Range, SetPoint, follow
 from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, half_width_at, slot_step
@@ -47,6 +51,7 @@ from screw_module_ros.geometry import inverse
 
 MODEL = thesis_friction()
 TICKS = 6000
+VERTICAL_LAW = VerticalSettings(damping=10.0, observer_inertia=0.7)
 ANY_MODE = -2  # a run through all modes
 LIBRARY = "3a929bd8f178edc3"
 VERTICAL = {
@@ -81,7 +86,7 @@ def library() -> str:
     return digest(found)
 
 
-pytestmark = pytest.mark.skipif(
+same_library = pytest.mark.skipif(
     library() != LIBRARY, reason="another mathematics library: its last bits differ"
 )
 
@@ -97,11 +102,10 @@ def sometimes(chance: random.Random, one_in: int) -> bool:
     return chance.randrange(one_in) == 0
 
 
-def vertical_run(mode: int) -> str:
-    """Return the digest of all outputs of a run: motion, rest, jolts, slots, odd input."""
+def vertical_inputs(mode: int):
+    """Yield law, input and time step of a run: motion, rest, jolts, slots, odd input."""
     chance = random.Random(f"vertical {mode}")
-    law = VerticalSettings(damping=10.0, observer_inertia=0.7)
-    state, used, shown = initial_state(law), mode, []
+    law, used = VERTICAL_LAW, mode
     size, frequency, press = 0.1, 0.2, 10.0
     strongest = 40.0 if mode == ANY_MODE else 60.0
     position = 0.18
@@ -137,6 +141,13 @@ def vertical_run(mode: int) -> str:
         )
         if sometimes(chance, 700):
             inp = inp._replace(**{chance.choice(inp._fields[1:4]): chance.choice(ODD)})
+        yield law, inp, dt
+
+
+def vertical_run(mode: int) -> str:
+    """Return the digest of all outputs of a run."""
+    state, shown = initial_state(VERTICAL_LAW), []
+    for law, inp, dt in vertical_inputs(mode):
         output = vertical_step(law, MODEL, state, inp, dt)
         shown += [
             output.force, output.impedance, output.gravity, output.friction,
@@ -146,11 +157,10 @@ def vertical_run(mode: int) -> str:
     return digest(shown)
 
 
-def planar_run(force_gain: float) -> str:
-    """Return the digest of all outputs of a run in the plane."""
+def planar_inputs(force_gain: float):
+    """Yield law, input and time step of a run in the plane."""
     chance = random.Random(f"plane {force_gain}")
     law = PlanarSettings(force_gain=force_gain)
-    state, shown = planar.initial_state(law), []
     size, frequency = 0.1, 0.2
     shoulder = elbow = 0.0
     for tick in range(TICKS):
@@ -166,7 +176,7 @@ def planar_run(force_gain: float) -> str:
         speeds = (a - shoulder) / 0.002, (b - elbow) / 0.002
         shoulder, elbow = a, b
         slot = (0.0, 0.5, 1.0)[tick // 500 % 3] if tick // 1500 % 2 else 0.0
-        inp = planar.PlanarInput(
+        inp = PlanarInput(
             shoulder,
             elbow,
             *(max(-5.0, min(5.0, speed)) for speed in speeds),
@@ -185,8 +195,14 @@ def planar_run(force_gain: float) -> str:
             inp = inp._replace(**{chance.choice(inp._fields[:4]): chance.choice(ODD)})
         elif sometimes(chance, 500):
             inp = inp._replace(elbow=inp.shoulder + chance.choice((0.0, 0.01, math.pi)))
-        output = planar.planar_step(law, state, inp, dt)
-        shown += output
+        yield law, inp, dt
+
+
+def planar_run(force_gain: float) -> str:
+    """Return the digest of all outputs of a run in the plane."""
+    state, shown = initial_plane(PlanarSettings(force_gain=force_gain)), []
+    for law, inp, dt in planar_inputs(force_gain):
+        shown += planar_step(law, state, inp, dt)
     return digest(shown)
 
 
@@ -297,16 +313,48 @@ PARTS = {
 }
 
 
+@same_library
 @pytest.mark.parametrize("run", PARTS, ids=lambda run: run.__name__)
 def test_parts_of_the_laws(run):
     assert run() == PARTS[run]
 
 
+@same_library
 @pytest.mark.parametrize("mode", [ANY_MODE, *MODE_NAMES])
 def test_vertical_law(mode):
     assert vertical_run(mode) == VERTICAL[mode]
 
 
+@same_library
 @pytest.mark.parametrize("force_gain", PLANE)
 def test_planar_law(force_gain):
     assert planar_run(force_gain) == PLANE[force_gain]
+
+
+def vertical_twin(p, model, packed_state, inp, dt):
+    return vertical_step(p, model, packed_state[0], inp, dt)
+
+
+def planar_twin(p, packed_state, inp, dt):
+    return planar_step(p, packed_state[0], inp, dt)
+
+
+@pytest.mark.long
+def test_compiled_vertical_law():
+    plain = initial_state(VERTICAL_LAW)
+    twin, fast = packed(plain), compiled(vertical_twin)
+    for law, inp, dt in vertical_inputs(ANY_MODE):
+        expected = vertical_step(law, MODEL, plain, inp, dt)
+        assert fast(law, MODEL, twin, inp, dt) == pytest.approx(expected, abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.long
+def test_compiled_planar_law():
+    plain, limited_apart = initial_plane(PlanarSettings()), 0
+    twin, fast = packed(plain), compiled(planar_twin)
+    for law, inp, dt in planar_inputs(9.0):
+        expected, found = planar_step(law, plain, inp, dt), fast(law, twin, inp, dt)
+        limited_apart += found.saturated != expected.saturated
+        same_limit = found._replace(saturated=expected.saturated)
+        assert same_limit == pytest.approx(expected, abs=1e-9, nan_ok=True)
+    assert limited_apart <= 1, "at the very limit rounding decides whether it counts as limited"

@@ -68,13 +68,6 @@ def test_soft_stop_treats_both_ends_alike(force, position):
     assert soft_stop(force, position, **ZONE) == pytest.approx(mirrored, abs=1e-9)
 
 
-@given(forces, st.floats(-0.05, 0.41))
-def test_soft_stop_is_continuous(force, position):
-    step = 1e-7
-    there, near = (soft_stop(force, z, **ZONE) for z in (position, position + step))
-    assert abs(near - there) <= (100.0 / 0.01 + 2000.0) * step + 1e-9
-
-
 @given(forces, st.floats(-0.6, 0.6))
 def test_speed_limit_is_absent_below_it(force, velocity):
     assert limit_speed(force, velocity, **SPEED) == force
@@ -89,30 +82,29 @@ def test_speed_limit_never_adds_force_along_the_motion(force, velocity, damping)
         assert limited * velocity <= 1e-9
 
 
-@given(forces, st.floats(-1.0, 1.0))
-def test_speed_limit_is_continuous(force, velocity):
+@given(forces, st.floats(-0.05, 0.41), st.floats(-1.0, 1.0))
+def test_soft_stop_and_speed_limit_are_continuous(force, position, velocity):
     step = 1e-7
+    there, near = (soft_stop(force, z, **ZONE) for z in (position, position + step))
+    assert abs(near - there) <= (100.0 / 0.01 + 2000.0) * step + 1e-9
     there, near = (limit_speed(force, v, **SPEED) for v in (velocity, velocity + step))
     assert abs(near - there) <= (100.0 / 0.2 + 50.0) * step + 1e-9
 
 
-def held(torque, seconds, heat=0.0, limits=LIMITS, dt=0.001):
+def held(torque, seconds, heat=0.0):
     """Last torque allowed and the heat after asking for a torque for some time."""
     allowed = 0.0
-    for _ in range(round(seconds / dt)):
-        allowed, heat = limit_torque(limits, heat, torque, dt)
+    for _ in range(round(seconds / 0.001)):
+        allowed, heat = limit_torque(LIMITS, heat, torque, 0.001)
     return allowed, heat
 
 
-def test_peak_is_there_at_first_and_the_continuous_torque_in_the_end():
-    assert limit_torque(LIMITS, 0.0, 2.0, 0.001)[0] == LIMITS.peak
-    assert held(2.0, 60.0)[0] == pytest.approx(LIMITS.continuous, rel=1e-3)
-
-
-def test_peak_comes_back_after_a_rest():
-    _, heat = held(2.0, 60.0)
-    _, heat = held(0.0, 10.0, heat)
-    assert limit_torque(LIMITS, heat, 2.0, 0.001)[0] == LIMITS.peak
+def test_peak_is_there_at_first_and_again_after_a_rest_and_between_them_the_continuous_torque():
+    assert held(2.0, 0.001)[0] == LIMITS.peak
+    allowed, heat = held(2.0, 60.0)
+    assert allowed == pytest.approx(LIMITS.continuous, rel=1e-3)
+    _, rested = held(0.0, 10.0, heat)
+    assert held(2.0, 0.001, rested)[0] == LIMITS.peak
 
 
 def test_the_continuous_torque_is_never_reduced():

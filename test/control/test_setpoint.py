@@ -9,12 +9,11 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from law_runs import PLANAR, VERTICAL, planar_outputs, plane_at, vertical_outputs
 
-from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control import planar, vertical
+from screw_module_ros.control import vertical
 from screw_module_ros.control.minimum_jerk import PEAK_SPEED, pace, way
 from screw_module_ros.control.setpoint import Range, SetPoint, follow, hold_at
-from screw_module_ros.geometry import inverse
 
 ALLOWED = Range(0.0, 0.36, 0.4, 5.0)
 DT = 0.001
@@ -33,18 +32,18 @@ def test_in_range_and_rate_limited_whatever_is_asked(wanted, start):
         assert abs(setpoint.velocity - before.velocity) <= 5.0 * DT + 1e-12
 
 
-def test_a_jump_arrives_at_the_allowed_speed():
-    setpoint = SetPoint(0.1)
+@pytest.mark.parametrize(
+    ("begin", "asked", "promised", "end"),
+    [
+        (SetPoint(0.1), 0.3, math.nan, 0.3),  # a jump arrives at the allowed speed
+        (SetPoint(0.1, 0.2, 0.0), math.nan, 0.2, 0.1),  # without one the last one is held
+    ],
+)
+def test_where_it_comes_to_rest(begin, asked, promised, end):
+    setpoint = replace(begin)
     for _ in range(500):
-        follow(ALLOWED, setpoint, 0.3, math.nan, DT)
-    assert setpoint == SetPoint(0.3)
-
-
-def test_no_set_point_holds_the_last_one_and_comes_to_rest():
-    setpoint = SetPoint(0.1, 0.2, 0.0)
-    for _ in range(500):
-        follow(ALLOWED, setpoint, math.nan, 0.2, DT)
-    assert setpoint == SetPoint(0.1)
+        follow(ALLOWED, setpoint, asked, promised, DT)
+    assert setpoint == SetPoint(end)
 
 
 def test_it_can_be_brought_to_rest_elsewhere():
@@ -95,9 +94,8 @@ def test_a_sine_is_believed_through_its_turns():
 
 
 def test_a_set_point_that_moves_again_is_believed_again():
-    stands = [0.1] * 1000
     moves = [0.1 + 0.1 * k * DT for k in range(1500)]
-    used = velocities(stands + moves, 0.1, 0.1)
+    used = velocities([0.1] * 1000 + moves, 0.1, 0.1)
     assert used[999] == 0.0
     assert min(used[1000 + 500 :]) == pytest.approx(0.1)
 
@@ -117,36 +115,19 @@ def test_no_velocity_is_larger_than_the_game_s(wanted):
         assert abs(setpoint.owed) <= 0.4 * 0.2 + 1e-12
 
 
-FRICTION = thesis_friction()
-
-
-def test_the_vertical_law_is_not_pushed_for_long_by_a_point_that_stands():
+def test_the_laws_are_not_pushed_for_long_by_a_point_that_stands():
     """The strongest damper, the fastest set point: it was 65 N for ever."""
-    settings = vertical.VerticalSettings(damping=500.0, gravity=0.0)
-    state, forces = vertical.initial_state(settings), []
     inp = vertical.VerticalInput(1, 0.18, 0.0, 0.0, 0.18, 0.4, True)
-    for _ in range(2000):
-        output = vertical.vertical_step(settings, FRICTION, state, inp, 0.001)
-        forces.append(output.force)
-    assert max(forces) > 10.0
-    assert max(map(abs, forces[400:])) < 1e-9
+    stiff = VERTICAL._replace(damping=500.0, gravity=0.0)
+    up = [abs(output.force) for output in vertical_outputs([inp] * 2000, stiff)]
+    aside = plane_at(0.0, 0.0, (0.0, 0.0, 0.6, -0.6))
+    outputs = planar_outputs([aside] * 1000, PLANAR._replace(damping=200.0))
+    for forces in (up, [math.hypot(output.force_x, output.force_y) for output in outputs]):
+        assert max(forces) > 10.0
+        assert max(forces[len(forces) // 5 :]) < 1e-6
 
 
-def test_nor_is_the_plane():
-    settings = planar.PlanarSettings(damping=200.0)
-    state, forces = planar.initial_state(settings), []
-    inp = planar.PlanarInput(*inverse(0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.6, -0.6, True)
-    for _ in range(1000):
-        output = planar.planar_step(settings, state, inp, 0.002)
-        forces.append(math.hypot(output.force_x, output.force_y))
-    assert max(forces) > 10.0
-    assert max(forces[200:]) < 1e-6
-
-
-shares = st.floats(-1.0, 2.0)
-
-
-@given(shares)
+@given(st.floats(-1.0, 2.0))
 def test_it_stays_on_the_way_and_pace_is_its_slope(share):
     step = 1e-5
     assert 0.0 <= way(share) <= 1.0 + 1e-12

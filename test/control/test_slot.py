@@ -56,33 +56,37 @@ def test_back_wall_follows_the_minimum_jerk_way():
         assert wall_position(LINE, share * LINE.duration) == pytest.approx(0.14 * expected)
 
 
-def test_a_hand_that_lags_is_pushed_along_the_line():
+WIDE, NARROW = LINE.half_width, LINE.end_half_width
+HOLD = Slot(0.1, 0.1, 0.1, 0.1)
+HEIGHT = Slot(start_x=0.18, target_x=0.32)
+PULL = 100.0 * (0.05 - HOLD.half_width)
+
+
+@pytest.mark.parametrize(
+    ("inp", "force"),
+    [
+        (at(0.0, 0.02, since=0.7), (0.0, 100.0 * (0.07 - 0.02))),  # one that lags is pushed
+        (at(0.0, -0.05), (0.0, 0.0)),  # an open slot has no back wall
+        (at(0.03, 0.05), (-100.0 * (0.03 - WIDE), 0.0)),  # side walls, which come nearer
+        (at(-0.03, 0.139, since=1.4), (100.0 * (0.03 - NARROW), 100.0 * 0.001)),
+        (at(0.0, 0.16, since=2.0), (0.0, -100.0 * (0.02 - NARROW))),  # the front wall
+        (at(0.0, 0.1, since=1.4), (0.0, 4.0)),  # it grows over time, up to its bound
+        (at(0.0, 0.1, since=2.4), (0.0, 4.8)),
+        (at(0.0, 0.1, since=3.4), (0.0, 5.6)),
+        (at(0.0, 0.12, since=1000.0), (0.0, 0.02 * LIMITS.stiffness)),
+        (at(0.1 + 0.03, 0.1 + 0.04, HOLD), (-0.6 * PULL, -0.8 * PULL)),  # round its point
+        (at(0.20, 0.0, HEIGHT, since=0.7), (100.0 * (0.25 - 0.20), 0.0)),  # in one dimension
+    ],
+)
+def test_what_each_wall_gives(inp, force):
+    output = settled(inp)
+    assert (output.force_x, output.force_y) == pytest.approx(force)
+
+
+def test_it_tells_where_the_hand_is():
     output = settled(at(0.0, 0.02, since=0.7))
-    assert (output.force_x, output.force_y) == pytest.approx((0.0, 100.0 * (0.07 - 0.02)))
     assert (output.wall, output.along, output.across) == pytest.approx((0.07, 0.02, 0.0))
-
-
-def test_an_open_slot_has_no_back_wall():
-    assert settled(at(0.0, -0.05)).force_y == 0.0
-
-
-def test_side_walls_hold_the_line_and_come_nearer():
-    wide, narrow = LINE.half_width, LINE.end_half_width
-    assert settled(at(0.03, 0.05)).force_x == pytest.approx(-100.0 * (0.03 - wide))
-    late = settled(at(-0.03, 0.139, since=LINE.duration))
-    assert late.force_x == pytest.approx(100.0 * (0.03 - narrow))
-    assert half_width_at(LINE, 0.7) == pytest.approx(0.5 * (wide + narrow))
-
-
-def test_front_wall_holds_a_hand_that_overshoots():
-    beyond = settled(at(0.0, 0.16, since=2.0))
-    assert beyond.force_y == pytest.approx(-100.0 * (0.02 - LINE.end_half_width))
-
-
-def test_force_grows_slowly_over_time_up_to_its_bound():
-    found = [settled(at(0.0, 0.1, since=1.4 + over)).force_y for over in (0.0, 1.0, 2.0)]
-    assert found == pytest.approx([4.0, 4.8, 5.6])
-    assert settled(at(0.0, 0.12, since=1000.0)).force_y == pytest.approx(0.02 * LIMITS.stiffness)
+    assert half_width_at(LINE, 0.7) == pytest.approx(0.5 * (WIDE + NARROW))
 
 
 @given(slots, st.floats(0.0, 1.0), st.floats(-1.0, 1.0), speeds, speeds, st.floats(-1.0, 10.0))
@@ -102,80 +106,63 @@ def test_nothing_but_damping_between_back_wall_and_target(slot, ahead, aside, vx
     )
 
 
+def turned(point, angle):
+    """A point or vector, turned by an angle [rad]."""
+    (a, b), cosine, sine = point, math.cos(angle), math.sin(angle)
+    return a * cosine - b * sine, a * sine + b * cosine
+
+
 @given(slots, metres, metres, speeds, speeds, st.floats(-1.0, 10.0), st.floats(-math.pi, math.pi))
 def test_turning_everything_turns_the_force(slot, x, y, vx, vy, since, angle):
     assume(length_of(slot) > 0.01 or length_of(slot) == 0.0)
-
-    def turned(a, b):
-        return (
-            a * math.cos(angle) - b * math.sin(angle),
-            a * math.sin(angle) + b * math.cos(angle),
-        )
-
-    start, target = (
-        turned(slot.start_x, slot.start_y),
-        turned(slot.target_x, slot.target_y),
-    )
-    other = Slot(*start, *target, *slot[4:])
+    place = turned((x, y), angle)
+    other = Slot(*turned(slot[:2], angle), *turned(slot[2:4], angle), *slot[4:])
     plain = settled(at(x, y, slot, since, (vx, vy)))
-    found = settled(at(*turned(x, y), other, since, turned(vx, vy)))
-    assert (found.force_x, found.force_y) == pytest.approx(
-        turned(plain.force_x, plain.force_y), abs=1e-6
-    )
-    assert in_slot(other, *turned(x, y)) == pytest.approx(in_slot(slot, x, y), abs=1e-9) or (
-        length_of(slot) == 0.0
-    )
+    found = settled(at(*place, other, since, turned((vx, vy), angle)))
+    wanted = turned((plain.force_x, plain.force_y), angle)
+    assert (found.force_x, found.force_y) == pytest.approx(wanted, abs=1e-6)
+    same_place = pytest.approx(in_slot(slot, x, y), abs=1e-9)
+    assert in_slot(other, *place) == same_place or length_of(slot) == 0.0
 
 
+ACTS = {
+    "wait": {"present": True},
+    "start": {},
+    "late": {"since": 3.0},
+    "reopen": {"since": OPEN},
+    "leave": {"present": False},
+    "other": {"since": OPEN, "present": True},
+}
 acts = st.lists(
-    st.tuples(
-        st.sampled_from(("wait", "start", "leave", "other", "reopen", "late")), st.integers(1, 120)
-    ),
-    min_size=1,
-    max_size=12,
+    st.tuples(st.sampled_from(sorted(ACTS)), st.integers(1, 120)), min_size=1, max_size=12
 )
+
+
+def largest_step(state, output):
+    """How far the force on a hand at rest may go in a tick [N]: by fades, and the wall's motion."""
+    used, fade = state.slot, DT / LIMITS.fade_time
+    grown = used.back_stiffness + used.growth * max(state.since - used.duration, 0.0)
+    stiffest = min(max(grown, used.side_stiffness), LIMITS.stiffness)
+    wall = 2.0 * DT * 1.875 * max(length_of(used), 0.1) / used.duration
+    narrow = 2.0 * DT * used.half_width / used.duration
+    lead = max(0.0, output.wall - output.along)
+    pressed = stiffest * (wall + narrow + fade * lead) + 2.0 * DT * used.growth * lead
+    return fade * LIMITS.force + pressed
 
 
 @given(acts, st.floats(-0.1, 0.25), st.floats(-0.1, 0.1), slots)
 def test_whatever_is_asked_for_the_force_neither_jumps_nor_passes_its_bound(acts, x, y, other):
-    """A hand at rest feels at most what the fades and the wall's own motion can change."""
-    fade = DT / LIMITS.fade_time
-    state, force = initial_state(), (0.0, 0.0)
-    slot, since, present = LINE, OPEN, True
+    state, force, inp = initial_state(), (0.0, 0.0), at(x, y)
     for act, steps in acts:
+        inp = inp._replace(**ACTS[act], slot=other if act == "other" else inp.slot)
         if act == "start":
-            since = max(since, 0.0)
-        elif act == "late":
-            since = 3.0
-        elif act == "reopen":
-            since = OPEN
-        elif act == "leave":
-            present = False
-        elif act == "other":
-            slot, since, present = other, OPEN, True
-        else:
-            present = True
+            inp = inp._replace(since=max(inp.since, 0.0))
         for _ in range(steps):
-            since = since + DT if since >= 0.0 else since
-            output, state = slot_step(LIMITS, state, at(x, y, slot, since, present=present), DT)
-            now = output.force_x, output.force_y
-            used = state.slot
-            stiffest = min(
-                max(used.back_stiffness + used.growth * max(state.since - used.duration, 0.0),
-                    used.side_stiffness),
-                LIMITS.stiffness,
-            )  # fmt: skip
-            wall = 2.0 * DT * 1.875 * max(length_of(used), 0.1) / used.duration
-            narrow = 2.0 * DT * used.half_width / used.duration
-            lead = max(0.0, output.wall - output.along)
-            allowed = (
-                fade * LIMITS.force
-                + stiffest * (wall + narrow + fade * lead)
-                + 2.0 * DT * used.growth * lead
-            )
-            assert math.dist(now, force) <= allowed + 1e-9
-            assert math.hypot(*now) <= LIMITS.force + 1e-9
-            force = now
+            inp = inp._replace(since=inp.since + DT if inp.since >= 0.0 else inp.since)
+            output, state = slot_step(LIMITS, state, inp, DT)
+            before, force = force, (output.force_x, output.force_y)
+            assert math.dist(force, before) <= largest_step(state, output) + 1e-9
+            assert math.hypot(*force) <= LIMITS.force + 1e-9
 
 
 @given(st.builds(SlotInput, wild, wild, wild, wild, st.booleans(), slots, wild), wild)
@@ -194,40 +181,25 @@ def test_a_slot_that_is_none_gives_no_force(values):
     assert output.force_x == output.force_y == output.weight == 0.0
 
 
+def stepped(inputs):
+    """Slot in use and its weight for each input, one a tick."""
+    state, used = initial_state(), []
+    for inp in inputs:
+        output, state = slot_step(LIMITS, state, inp, DT)
+        used.append((state.slot, output.weight))
+    return used
+
+
 def test_entering_and_leaving_takes_the_fade_time():
-    state, weights = initial_state(), []
-    for present in (True,) * 100 + (False,) * 100:
-        output, state = slot_step(LIMITS, state, at(0.05, 0.0, present=present), DT)
-        weights.append(output.weight)
-    assert weights[49] == pytest.approx(0.5)
-    assert weights[99] == pytest.approx(1.0)
-    assert weights[149] == pytest.approx(0.5)
-    assert weights[199] == pytest.approx(0.0)
+    inside = at(0.05, 0.0)
+    used = stepped([inside] * 100 + [inside._replace(present=False)] * 100)
+    assert [used[k][1] for k in (49, 99, 149, 199)] == pytest.approx([0.5, 1.0, 0.5, 0.0])
 
 
 def test_another_slot_comes_only_when_the_last_has_gone():
-    state = initial_state()
-    for _ in range(100):
-        _, state = slot_step(LIMITS, state, at(0.05, 0.05), DT)
-    used = []
-    for _ in range(120):
-        output, state = slot_step(LIMITS, state, at(0.05, 0.05, ACROSS), DT)
-        used.append((state.slot, output.weight))
+    used = stepped([at(0.05, 0.05)] * 100 + [at(0.05, 0.05, ACROSS)] * 120)
     assert next(weight for slot, weight in used if slot == ACROSS) <= DT / LIMITS.fade_time
-    assert used[0][0] == LINE
-
-
-def test_a_slot_without_length_holds_round_its_point():
-    hold = Slot(0.1, 0.1, 0.1, 0.1)
-    output = settled(at(0.1 + 0.03, 0.1 + 0.04, hold))
-    pull = 100.0 * (0.05 - hold.half_width)
-    assert (output.force_x, output.force_y) == pytest.approx((-0.6 * pull, -0.8 * pull))
-
-
-def test_in_one_dimension_the_same_slot_serves():
-    height = Slot(start_x=0.18, target_x=0.32)
-    output = settled(at(0.20, 0.0, height, since=0.7))
-    assert (output.force_x, output.force_y) == pytest.approx((100.0 * (0.25 - 0.20), 0.0))
+    assert used[100][0] == LINE
 
 
 @given(st.tuples(metres, metres, metres), st.tuples(metres, metres, metres), st.floats(0.0, 1.4))
@@ -245,11 +217,14 @@ def test_both_walls_of_a_reach_in_space_are_on_its_line(start, target, since):
     )
 
 
-def test_what_is_no_slot_is_never_sound():
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("duration", 0.0), ("duration", math.inf), ("start_x", 10.1), ("back_stiffness", -1.0),
+     ("end_half_width", 0.06)],
+)  # fmt: skip
+def test_what_is_no_slot_is_never_sound(field, value):
     assert sound(LINE)
-    for field, value in (("duration", 0.0), ("duration", math.inf), ("start_x", 10.1),
-                         ("back_stiffness", -1.0), ("end_half_width", 0.06)):  # fmt: skip
-        assert not sound(LINE._replace(**{field: value})), field
+    assert not sound(LINE._replace(**{field: value}))
 
 
 def test_the_first_slot_fades_in_from_nothing():

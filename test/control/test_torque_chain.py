@@ -2,6 +2,7 @@
 """From force to the torque on the wire: limits in their order, one chain, compiled or not."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -31,11 +32,8 @@ NEWTON = 0.01905 / (2.0 * math.pi)  # [Nm] that make a newton at the handle
 def test_a_newton_is_three_millinewton_metres():
     made, _ = commanded(BARE, COLD, 10.0, 1.0, DT)
     assert made == pytest.approx((0.03032, 0.03032, False), abs=1e-5)
-
-
-def test_another_screw_takes_another_torque():
-    chain = BARE._replace(screw=Screw(lead=2.0 * 0.01905))
-    assert commanded(chain, COLD, 10.0, 1.0, DT)[0].torque == pytest.approx(20.0 * NEWTON)
+    other = BARE._replace(screw=Screw(lead=2.0 * 0.01905))
+    assert commanded(other, COLD, 10.0, 1.0, DT)[0].torque == pytest.approx(20.0 * NEWTON)
 
 
 @pytest.mark.parametrize(("force", "kept"), [(140.0, 95.0), (-140.0, -75.0)])
@@ -79,33 +77,30 @@ def test_never_more_than_the_peak_nor_the_scaled_force(steps):
         largest = scale * (95.0 if force > 0.0 else 75.0) * NEWTON
         assert abs(made.torque) <= min(largest, CHAIN.limits.peak) + 1e-12
 
+
 # -- rate ----------------------------------------------------------------------------------------
 
 
 def test_a_foreign_sender_cannot_make_the_force_jump():
     """True and foreign commands by turns, ten a millisecond: 4 N a millisecond at most."""
-    force, steps = 0.0, []
-    for k in range(1000):
-        after = followed(BARE, force, 95.0 if k % 2 else -75.0, 1e-4)
-        steps.append(abs(after - force))
-        force = after
-    assert max(steps) == pytest.approx(0.4)
-    assert abs(force) < 1.0
+    forces = [0.0]
+    for asked in [-75.0, 95.0] * 500:
+        forces.append(followed(BARE, forces[-1], asked, 1e-4))
+    assert max(abs(b - a) for a, b in pairwise(forces)) == pytest.approx(0.4)
+    assert abs(forces[-1]) < 1.0
 
 
 def test_the_controller_s_own_steps_pass_also_with_jitter():
     """`force_rate` moves the force by 2 N a millisecond; writes come 0.5 and 1.5 ms apart."""
-    rate = VerticalSettings().force_rate
-    asked = after = 0.0
-    for k in range(40):
-        asked += rate * DT
-        after = followed(BARE, after, asked, DT * (0.5 if k % 2 else 1.5))
-        assert after == asked
+    asked = 0.0
+    for pause in [1.5, 0.5] * 20:
+        before, asked = asked, asked + VerticalSettings().force_rate * DT
+        assert followed(BARE, before, asked, DT * pause) == asked
 
 
-def test_zero_is_followed_at_once():
-    assert followed(BARE, 95.0, 0.0, DT) == 0.0
-    assert followed(BARE, -75.0, -0.0, DT) == 0.0
+@pytest.mark.parametrize(("force", "zero"), [(95.0, 0.0), (-75.0, -0.0)])
+def test_zero_is_followed_at_once(force, zero):
+    assert followed(BARE, force, zero, DT) == 0.0
 
 
 # -- the drive's own limit -----------------------------------------------------------------------
@@ -118,10 +113,14 @@ def test_no_command_is_beyond_what_the_drive_is_told(force, scale, heat):
         assert abs(made.command) <= largest_command(chain) + 1e-12
 
 
-def test_the_largest_command_is_that_of_the_larger_force():
-    assert largest_command(BARE) == pytest.approx(95.0 * NEWTON)
-    down = BARE._replace(commands=CommandLimits(10.0, 60.0))
-    assert largest_command(down) == pytest.approx(60.0 * NEWTON)
-    strong = BARE._replace(commands=CommandLimits(150.0, 150.0), limits=TorqueLimits(peak=0.3))
-    assert largest_command(strong) == pytest.approx(0.3)
-    assert largest_command(CHAIN) == pytest.approx(torque_command(MAP, 95.0 * NEWTON))
+@pytest.mark.parametrize(
+    ("chain", "largest"),
+    [
+        (BARE, 95.0 * NEWTON),
+        (BARE._replace(commands=CommandLimits(10.0, 60.0)), 60.0 * NEWTON),
+        (TorqueChain(CommandLimits(150.0, 150.0), TorqueLimits(peak=0.3)), 0.3),
+        (CHAIN, torque_command(MAP, 95.0 * NEWTON)),
+    ],
+)
+def test_the_largest_command_is_that_of_the_larger_force(chain, largest):
+    assert largest_command(chain) == pytest.approx(largest)
