@@ -24,3 +24,11 @@ def enabled(bench):
     assert bench.enable() == ""
     bench.seconds(0.6)  # the ramp of the gate takes 0.5 s
     return bench
+
+
+@pytest.fixture
+def plane(bench):
+    """Return the plane of a robot, with torque; `bench` goes on with it."""
+    assert bench.enable_plane() == ""
+    bench.ticks(5)
+    return bench.plane

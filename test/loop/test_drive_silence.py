@@ -14,15 +14,13 @@ from screw_module_ros.devices.errors import NotAnswering
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
-from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
+from screw_module_ros.trials.one_thread import PERIOD_NS
 
 MS = 1_000_000
 
 
-def silent_for(bench: Bench, ticks: int) -> None:
-    bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
-    bench.ticks(ticks)
-    bench.rig.inject("elbow", "clear", 0.0, 0.0, bench.now_ns)
+def cable(bench, device: str, fault: str = "cable_out") -> None:
+    bench.rig.inject(device, fault, 0.0, 0.0, bench.now_ns)
 
 
 @pytest.mark.parametrize(("silence", "goes_on"), [(5.0, False), (30.0, True)])
@@ -37,7 +35,9 @@ def test_how_long_a_joint_may_be_silent_is_a_setting(bench, silence, goes_on):
     assert bench.plane.take_home(bench.now_ns) == ""
     assert bench.enable_plane() == ""
     bench.ticks(20)
-    silent_for(bench, 9)
+    cable(bench, "elbow")
+    bench.ticks(9)
+    cable(bench, "elbow", "clear")
     bench.ticks(3)
     assert bench.plane.permit.enabled == goes_on
 
@@ -85,7 +85,7 @@ def test_its_silence_ends_a_fault_from_before_the_torque(bench):
 
 
 def test_a_silent_plane_shows_the_whole_gain(bench):
-    bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
+    cable(bench, "elbow")
     bench.ticks(10)
     assert (bench.plane.output, bench.plane.share) == (None, 1.0)
 
@@ -104,20 +104,19 @@ def test_a_controller_without_an_amplifier_waits_without_a_fault(bench):
     assert not bench.controller.faulted
 
 
-def restart_unheard(bench, how: str) -> None:
-    bench.rig.inject("drive", how, 0.0, 0.0, bench.now_ns)
-    bench.rig.inject("drive", "reset", 0.0, 0.0, bench.now_ns)
-    bench.seconds(0.3)
-
-
 def watches_our_heartbeat(bench) -> bool:
     return bench.rig.devices["drive"].node.value(0x1016, 1) != 0
 
 
 @pytest.mark.parametrize("how", ["cable_out", "bus_off"])
-def test_clear_fault_configures_it_anew(enabled, how):
-    restart_unheard(enabled, how)
-    enabled.rig.inject("drive", "clear", 0.0, 0.0, enabled.now_ns)
+def test_clear_fault_configures_a_drive_that_restarted_unheard_anew(enabled, how):
+    cable(enabled, "drive", how)
+    cable(enabled, "drive", "reset")
+    enabled.seconds(0.3)
+    with pytest.raises(NotAnswering):
+        enabled.axis.permit.clear_fault(enabled.clock)
+    assert enabled.enable() != "", "while it cannot be reached it stays off"
+    cable(enabled, "drive", "clear")
     assert not watches_our_heartbeat(enabled)
     assert enabled.clear_fault() == ""
     assert watches_our_heartbeat(enabled)
@@ -126,18 +125,10 @@ def test_clear_fault_configures_it_anew(enabled, how):
 
 def test_a_drive_that_keeps_its_pdos_over_a_restart_is_configured_anew_too(enabled):
     """It speaks again as if nothing had been; its guards and limits are gone all the same."""
-    enabled.rig.inject("drive", "cable_out", 0.0, 0.0, enabled.now_ns)
-    node = enabled.rig.devices["drive"].node
-    node.put(0x1016, 1, 0)
+    cable(enabled, "drive")
+    enabled.rig.devices["drive"].node.put(0x1016, 1, 0)
     enabled.seconds(0.3)
-    enabled.rig.inject("drive", "clear", 0.0, 0.0, enabled.now_ns)
+    cable(enabled, "drive", "clear")
     enabled.seconds(0.1)
     assert enabled.clear_fault() == ""
     assert watches_our_heartbeat(enabled)
-
-
-def test_while_it_cannot_be_reached_it_stays_off(enabled):
-    restart_unheard(enabled, "cable_out")
-    with pytest.raises(NotAnswering):
-        enabled.axis.permit.clear_fault(enabled.clock)
-    assert enabled.enable() != ""

@@ -4,25 +4,21 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
+from loop_parts import MS, open_axis
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Slot, SlotLimits
-from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.controller import NO_FORCE
-from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.inputs import Guide
 from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops, hand_torques
 from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
-from screw_module_ros.safety.permit import OPEN, PermitSettings
 
-MS = 1_000_000
 LAW = PlanarSettings()
 
 
@@ -96,33 +92,16 @@ def test_a_plane_whose_drives_were_silent_for_a_tenth_of_a_second_is_not_homed(b
     assert bench.plane.take_home(acted + 100 * MS + 1) == "the drives do not answer"
 
 
-@pytest.mark.parametrize(("off", "stops"), [(0.0, False), (0.01, True)])
-def test_a_force_of_more_than_150_n_in_the_plane_stops_it(bench, off, stops):
-    reading = bench._readings[-1]
-    stamp_ns = bench.now_ns
-    bench.plane.on_force(
-        reading._replace(monotonic_ns=stamp_ns, fx=-0.6 * (150.0 + off), fy=0.8 * (150.0 + off)),
-        bench.now_ns,
-    )
-    assert bool(bench.plane.permit.fault.reason) == stops
-
-
-def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench):
-    plane = bench.plane
-    assert bench.enable_plane() == ""
-    bench.ticks(5)
-    for missed, reason in ((19, ""), (20, "20 deadlines missed in a row")):
-        plane.meter.consecutive_missed = missed
-        plane._check(bench.now_ns)
-        assert plane.permit.fault.reason == reason
+@pytest.mark.parametrize(("missed", "reason"), [(19, ""), (20, "20 deadlines missed in a row")])
+def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench, plane, missed, reason):
+    plane.meter.consecutive_missed = missed
+    plane._check(bench.now_ns)
+    assert plane.permit.fault.reason == reason
 
 
 @pytest.mark.parametrize(("sign", "faulty", "doubted"), [(-1, 0, 0), (1, 0, 1), (1, 1, 0)])
-def test_a_joint_is_judged_by_motor_and_hand_together(bench, sign, faulty, doubted):
+def test_a_joint_is_judged_by_motor_and_hand_together(bench, plane, sign, faulty, doubted):
     """Against the hand they balance; with a faulty force sample nobody knows."""
-    plane = bench.plane
-    assert bench.enable_plane() == ""
-    bench.ticks(3)
     sample = bench._readings[-1]._replace(
         monotonic_ns=bench.now_ns, fx=20.0, fy=-25.0, status=faulty << 4
     )
@@ -136,10 +115,8 @@ def test_a_joint_is_judged_by_motor_and_hand_together(bench, sign, faulty, doubt
     assert ("position (6064)" in plane.permit.fault.reason) == bool(doubted)
 
 
-def test_before_the_first_tick_nothing_is_commanded(bench):
-    assert axis([]).last == (0.0, 0.0, False) and axis([]).asked == 0.0
-    plane = bench.plane
-    assert bench.enable_plane() == ""
+def test_before_the_first_tick_nothing_is_commanded(bench, plane):
+    assert open_axis([]).last == (0.0, 0.0, False) and open_axis([]).asked == 0.0
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
     bench.ticks(100)
     assert plane.written != (0.0, 0.0) and plane.meter.samples
@@ -220,23 +197,12 @@ def test_a_period_is_a_whole_number_of_microseconds():
 # -- the vertical drive's writes -------------------------------------------------------------------
 
 
-def axis(sent, period_ns=MS) -> VerticalDrive:
-    """Return a drive's loop whose gate is open, and which notes what it writes [Nm]."""
-    drive = SimpleNamespace(
-        write=lambda command, now_ns: sent.append(command) or command, settings=DriveSettings()
-    )
-    port = SimpleNamespace(clock=ManualClock(1000 * MS), pump=lambda until_ns: None)
-    made = VerticalDrive(drive, port, period_ns, PermitSettings(), TorqueChain())
-    made.permit = SimpleNamespace(phase=OPEN, step=lambda newest_ns, now_ns: 1.0)
-    return made
-
-
 @pytest.mark.parametrize(
     ("pause_ns", "step"), [(MS, 4.0), (3 * MS, 12.0), (5 * MS, 20.0), (50 * MS, 20.0), (0, 0.004)]
 )
 def test_after_a_pause_the_force_leaps_by_five_periods_at_most(pause_ns, step):
     """4 N a millisecond; two writes in one nanosecond count as a microsecond apart."""
-    made, newton = axis([]), 0.01905 / (2.0 * math.pi)
+    made, newton = open_axis([]), 0.01905 / (2.0 * math.pi)
     begin = 1000 * MS
     made._write(0.0, begin)
     made._write(90.0, begin + pause_ns)
@@ -248,7 +214,7 @@ def test_after_a_pause_the_force_leaps_by_five_periods_at_most(pause_ns, step):
 
 @pytest.mark.parametrize(("elapsed", "counted"), [(99, 99), (100, 100), (5000, 100)])
 def test_a_pause_heats_for_a_hundred_periods_at_most(elapsed, counted):
-    made, torque = axis([]), 50.0 * 0.01905 / (2.0 * math.pi)
+    made, torque = open_axis([]), 50.0 * 0.01905 / (2.0 * math.pi)
     for k in range(60):
         made._write(50.0, (1000 + k) * MS)
     before = made._heat
@@ -259,7 +225,7 @@ def test_a_pause_heats_for_a_hundred_periods_at_most(elapsed, counted):
 
 def test_a_force_is_written_again_after_two_periods_without_a_command():
     sent = []
-    made = axis(sent)
+    made = open_axis(sent)
     made._write(3.0, 1000 * MS)
     made.idle(1002 * MS - 1)
     assert len(sent) == 1

@@ -14,9 +14,7 @@ from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.trials.one_thread import Bench
 
-LIMIT = largest_command(
-    TorqueChain(linearization=default_linearization())
-)
+LIMIT = largest_command(TorqueChain(linearization=default_linearization()))
 """What `amplifier` tells the drive as its own limit [Nm]."""
 QUIET = 1e-3
 
@@ -25,24 +23,19 @@ class Intruder:
     """A foreign master on the vertical drive's bus."""
 
     def __init__(self, robot):
-        channel = robot.ports["drive"].bus.channel_id
-        self._bus = can.Bus(interface="virtual", channel=channel)
         self._robot = robot
+        self.bus = can.Bus(interface="virtual", channel=robot.ports["drive"].bus.channel_id)
+
+    def _send(self, can_id, data):
+        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        self._robot.rig.process(self._robot.now_ns)
 
     def command(self, controlword, per_mille):
-        data = struct.pack("<Hh", controlword, per_mille)
-        self._bus.send(can.Message(arbitration_id=0x201, data=data, is_extended_id=False))
-        self._robot.rig.process(self._robot.now_ns)
+        self._send(0x201, struct.pack("<Hh", controlword, per_mille))
 
-    def write(self, index, value, size):
-        """Download an object by SDO, expedited (CiA 301, 7.2.4.3.3)."""
-        code = {1: 0x2F, 2: 0x2B, 4: 0x23}[size]
-        data = struct.pack("<BHBi", code, index, 0, value)
-        self._bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
-        self._robot.rig.process(self._robot.now_ns)
-
-    def close(self):
-        self._bus.shutdown()
+    def write(self, index, value):
+        """Download an object of two bytes by SDO, expedited (CiA 301, 7.2.4.3.3)."""
+        self._send(0x601, struct.pack("<BHBi", 0x2B, index, 0, value))
 
 
 @pytest.fixture
@@ -56,8 +49,11 @@ def robot():
 @pytest.fixture
 def intruder(robot):
     made = Intruder(robot)
-    yield made
-    made.close()
+    with made.bus:
+        yield made
+
+
+WALK_UP = (0x06, 0x07, 0x0F)
 
 
 def torques(robot, intrude, ticks):
@@ -71,13 +67,18 @@ def torques(robot, intrude, ticks):
     return seen
 
 
-def test_a_walk_up_that_nobody_asked_for_ends_at_once(robot, intruder):
+@pytest.mark.parametrize(
+    ("by_sdo", "said"), [(False, "somebody else commands"), (True, "another SDO client")]
+)
+def test_a_walk_up_that_nobody_asked_for_ends_at_once(robot, intruder, by_sdo, said):
     def walk_up():
-        for word in (0x06, 0x07, 0x0F):
-            intruder.command(word, 1000)
+        if by_sdo:
+            intruder.write(0x6071, 1000)
+        for word in WALK_UP:
+            intruder.write(0x6040, word) if by_sdo else intruder.command(word, 1000)
 
     seen = torques(robot, walk_up, 300)
-    assert "somebody else commands" in robot.drive.fault
+    assert said in robot.drive.fault
     assert max(seen) <= LIMIT + QUIET
     assert max(seen[5:]) < QUIET
 
@@ -102,7 +103,7 @@ def test_random_commands_stop_an_enabled_drive_below_its_own_limit(robot, intrud
 
 def test_the_rig_s_drive_obeys_its_limit(robot, intruder):
     """Also where nobody stops the intruder: our own program does not run."""
-    for word in (0x06, 0x07, 0x0F):
+    for word in WALK_UP:
         intruder.command(word, 32767)
     seen = []
     for _ in range(15):
@@ -124,9 +125,9 @@ def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
     limit = robot.drive.sdo.unsigned(0x6072)
 
     def unguard():
-        intruder.write(0x6072, 10_000, 2)
-        intruder.write(0x6007, 0, 2)
-        intruder.write(0x6071, 1000, 2)
+        intruder.write(0x6072, 10_000)
+        intruder.write(0x6007, 0)
+        intruder.write(0x6071, 1000)
 
     seen = torques(robot, unguard, 1) + torques(robot, lambda: None, 100)
     assert max(seen[5:]) < QUIET and not robot.torque_passes
@@ -136,15 +137,3 @@ def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
     assert robot.drive.sdo.unsigned(0x6072) == limit
     assert robot.drive.sdo.unsigned(0x6007) == 1
     assert robot.enable() == ""
-
-
-def test_a_walk_up_by_sdo_ends_as_well(robot, intruder):
-    def walk_up():
-        intruder.write(0x6071, 1000, 2)
-        for word in (0x06, 0x07, 0x0F):
-            intruder.write(0x6040, word, 2)
-
-    seen = torques(robot, walk_up, 300)
-    assert "another SDO client" in robot.drive.fault
-    assert max(seen) <= LIMIT + QUIET
-    assert max(seen[5:]) < QUIET

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from screw_module_ros.plant.world import ArmSettings
@@ -10,46 +12,39 @@ from screw_module_ros.plant.world import ArmSettings
 pytestmark = pytest.mark.long
 
 
-def enabled_plane(bench, arm: ArmSettings):
+RELAXED = ArmSettings(kind="relaxed")
+STRETCHED = ArmSettings(kind="active", target=(-0.06, -0.05, 0.25), duration=0.5)
+SWINGING = ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0))
+
+
+def moved(bench, arm, aim, seconds, frozen=None):
+    """Return the reason of a plane some time after a joint's position has frozen."""
     bench.world.set_arm(arm)
     assert bench.enable_plane() == ""
     bench.seconds(0.5)
-    return bench
+    if frozen:
+        bench.rig.inject(frozen, "position_freeze", 0.0, 0.0, bench.now_ns)
+    bench.plane.settings = bench.plane.settings._replace(stiffness=200.0)
+    bench.planar_setpoint = (*aim, 0.0, 0.0)
+    bench.seconds(seconds)
+    return bench.plane.permit.reason
 
 
 @pytest.mark.parametrize(("joint", "aim"), [("shoulder", (0.09, -0.08)), ("elbow", (0.0, 0.12))])
 def test_a_spring_that_runs_away_on_a_frozen_joint_is_stopped(bench, joint, aim):
     """The arm hangs in the handle; the set point is 12 cm away and never comes nearer."""
-    enabled_plane(bench, ArmSettings(kind="relaxed"))
-    bench.rig.inject(joint, "position_freeze", 0.0, 0.0, bench.now_ns)
-    bench.plane.settings = bench.plane.settings._replace(stiffness=200.0)
-    bench.planar_setpoint = (*aim, 0.0, 0.0)
-    bench.seconds(1.0)
-    assert f"{joint} drive: position (6064)" in bench.plane.permit.reason
+    assert f"{joint} drive: position (6064)" in moved(bench, RELAXED, aim, 1.0, joint)
     assert not bench.plane.permit.enabled
     assert bench.plane.written == (0.0, 0.0) and not bench.plane.homed
 
 
 def test_a_patient_who_moves_a_frozen_joint_is_noticed(bench):
-    arm = ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0))
-    enabled_plane(bench, arm)
-    bench.rig.inject("shoulder", "position_freeze", 0.0, 0.0, bench.now_ns)
-    bench.seconds(0.8)
-    assert "shoulder drive: position (6064)" in bench.plane.permit.reason
+    reason = moved(bench, SWINGING, (math.nan, math.nan), 0.8, "shoulder")
+    assert "shoulder drive: position (6064)" in reason
 
 
-@pytest.mark.parametrize(
-    "arm",
-    [
-        ArmSettings(kind="relaxed"),
-        ArmSettings(kind="active", target=(-0.06, -0.05, 0.25), duration=0.5),
-        ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0)),
-    ],
-)
+@pytest.mark.parametrize("arm", [RELAXED, STRETCHED, SWINGING])
 def test_healthy_joints_are_not_doubted(bench, arm):
     """At rest, held away from the set point against 10 N, and in motion with its turning points."""
-    enabled_plane(bench, arm)
-    bench.planar_setpoint = (0.03, 0.05, 0.0, 0.0)
-    bench.plane.settings = bench.plane.settings._replace(stiffness=200.0)
-    bench.seconds(1.2)
-    assert bench.plane.permit.enabled, bench.plane.permit.reason
+    assert moved(bench, arm, (0.03, 0.05), 1.2) == ""
+    assert bench.plane.permit.enabled

@@ -4,20 +4,20 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
+from loop_parts import MS, S, noting_drive, open_axis
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import JointSettings, Plane
-from screw_module_ros.safety.permit import OPEN, PermitSettings
+from screw_module_ros.safety.permit import PermitSettings
 
-MS, S = 1_000_000, 1_000_000_000
 RATED, LARGEST, TIME_CONSTANT = 10.0, 25.0, 10.0
 DRIVE = DriveSettings(rated_torque=RATED, max_torque=LARGEST)
 HOLD = (18.0, -23.0)
@@ -26,13 +26,7 @@ HOLD = (18.0, -23.0)
 
 def plane_of(sent, **drive):
     """Return a plane whose gate is open; it notes what both drives get [Nm]."""
-    drives = [
-        SimpleNamespace(
-            settings=DRIVE._replace(**drive),
-            write=lambda torque, now_ns, got=got: got.append(torque) or torque,
-        )
-        for got in sent
-    ]
+    drives = [noting_drive(got, DRIVE._replace(**drive)) for got in sent]
     port = SimpleNamespace(clock=ManualClock(S))
     joints = JointSettings(time_constant=TIME_CONSTANT)
     made = Plane(drives, port, 2 * MS, PlanarSettings(), joints, PermitSettings())
@@ -49,42 +43,50 @@ def asked(plane, torques, seconds, begin_ns=S):
     return end_ns - 2 * MS
 
 
+def held(torques, seconds=60.0, **drive):
+    """Return what both drives got [Nm], and whether the plane is hot in the end."""
+    sent = [], []
+    plane = plane_of(sent, **drive)
+    asked(plane, torques, seconds)
+    return *sent, plane.hot
+
+
 def test_a_hand_that_is_held_for_long_gets_the_rated_torque_in_the_end():
-    shoulder, elbow = sent = [], []
-    plane = plane_of(sent)
-    asked(plane, HOLD, 60.0)
-    assert (shoulder[0], elbow[0]) == HOLD and not plane_of(([], [])).hot
+    shoulder, elbow, hot = held(HOLD)
+    assert (shoulder[0], elbow[0]) == HOLD
     full = sum(torque == HOLD[1] for torque in elbow) * 0.002
     assert full == pytest.approx(-TIME_CONSTANT * math.log(1.0 - 0.75 * 100.0 / 529.0), rel=0.15)
-    assert elbow[-1] == pytest.approx(-RATED, rel=1e-3) and plane.hot
-    steps = [abs(later - earlier) for earlier, later in zip(elbow, elbow[1:], strict=False)]
-    assert max(steps) < 0.05, "it comes down without a step"
+    assert elbow[-1] == pytest.approx(-RATED, rel=1e-3) and hot
+    assert max(abs(b - a) for a, b in pairwise(elbow)) < 0.05, "it comes down without a step"
 
 
 def test_the_force_keeps_its_direction():
     """One motor alone would turn it: the other one scales with it."""
-    sent = [], []
-    asked(plane_of(sent), HOLD, 20.0)
-    for shoulder, elbow in zip(*sent, strict=True):
-        assert shoulder / elbow == pytest.approx(HOLD[0] / HOLD[1])
-    assert abs(sent[0][-1]) < RATED
+    shoulder, elbow, _ = held(HOLD, 20.0)
+    for one, other in zip(shoulder, elbow, strict=True):
+        assert one / other == pytest.approx(HOLD[0] / HOLD[1])
+    assert abs(shoulder[-1]) < RATED
 
 
-@pytest.mark.parametrize("hot", [0, 1])
-def test_the_hotter_motor_decides(hot):
-    torques = [6.0, 6.0]
-    torques[hot] = 20.0
-    sent = [], []
-    asked(plane_of(sent), torques, 60.0)
-    assert sent[hot][-1] == pytest.approx(RATED, rel=1e-3)
-    assert sent[1 - hot][-1] == pytest.approx(3.0, rel=1e-3)
+@pytest.mark.parametrize(
+    ("torques", "left"), [((20.0, 6.0), (RATED, 3.0)), ((6.0, 20.0), (3.0, RATED))]
+)
+def test_the_hotter_motor_decides(torques, left):
+    shoulder, elbow, _ = held(torques)
+    assert (shoulder[-1], elbow[-1]) == pytest.approx(left, rel=1e-3)
 
 
-def test_the_rated_torque_is_never_reduced():
-    shoulder, elbow = sent = [], []
-    plane = plane_of(sent)
-    asked(plane, (RATED, -RATED), 60.0)
-    assert set(shoulder) == {RATED} and set(elbow) == {-RATED} and not plane.hot
+@pytest.mark.parametrize(
+    ("torques", "settings"),
+    [
+        ((RATED, -RATED), {}),  # the rated torque is never reduced
+        ((5.0, 0.0), {"max_torque": 5.0}),  # a limit below it needs no heat
+    ],
+)
+def test_what_a_motor_bears_for_ever_is_never_reduced(torques, settings):
+    shoulder, elbow, hot = held(torques, **settings)
+    assert (set(shoulder), set(elbow), hot) == ({torques[0]}, {torques[1]}, False)
+    assert not plane_of(([], [])).hot
 
 
 def test_the_mean_square_stays_within_the_rated_one():
@@ -115,51 +117,28 @@ def test_a_new_configuration_cools_no_motor():
     assert (cooled[0][-1], cooled[1][-1]) == HOLD
 
 
-def test_a_limit_below_the_rated_torque_needs_no_heat():
-    shoulder, _ = sent = [], []
-    asked(plane_of(sent, max_torque=5.0), (5.0, 0.0), 60.0)
-    assert set(shoulder) == {5.0}
-
-
-LIMITS = TorqueLimits()
-BUDGET = LIMITS.continuous**2
-CHAIN = TorqueChain(limits=LIMITS)
-
-
-def axis(heat, sent, chain=CHAIN):
-    """Return a drive's loop that is enabled, and notes what it writes [Nm]."""
-    drive = SimpleNamespace(
-        write=lambda command, now_ns: sent.append(command) or command, settings=DriveSettings()
-    )
-    port = SimpleNamespace(clock=ManualClock(S))
-    made = VerticalDrive(drive, port, MS, PermitSettings(), chain, heat=heat)
-    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0, phase=OPEN)
-    return made
-
-
-def pressed(made, seconds, begin_ns=S):
+def pressed(made, seconds):
     """Ask for 95 N, which need 0.29 Nm; return the time of the last command [ns]."""
-    end_ns = begin_ns + round(seconds * S)
-    for now_ns in range(begin_ns, end_ns, MS):
+    times = range(S, S + round(seconds * S), MS)
+    for now_ns in times:
         made._write(95.0, now_ns)
-    return end_ns - MS
+    return times[-1]
 
 
 def test_the_next_loop_begins_as_warm_as_the_last_one_ended():
-    first = axis(0.0, [])
+    first = open_axis([])
     end_ns = pressed(first, 3.0)
     warm = first.heat(end_ns + MS)
     assert warm == pytest.approx(0.29**2 * 0.45, rel=0.15), "3 s of the time constant of 5 s"
     assert first.heat(end_ns + S) == pytest.approx(warm * 0.8, rel=0.01), "it cools"
     assert first.heat(end_ns + 3600 * S) == pytest.approx(0.0, abs=1e-12)
-    assert axis(warm, []).heat(7 * S) == warm, "an activation that failed does not cool it"
+    assert open_axis([], heat=warm).heat(7 * S) == warm, "a failed activation does not cool it"
 
 
 def test_a_hot_motor_gets_hardly_more_than_its_continuous_torque():
-    limits = LIMITS._replace(continuous=0.1, peak=0.4)
     hot, cold = [], []
     for sent, heat in ((hot, 0.01), (cold, 0.0)):
-        made = axis(heat, sent, CHAIN._replace(limits=limits))
-        pressed(made, 0.1)
+        chain = TorqueChain(limits=TorqueLimits(continuous=0.1, peak=0.4))
+        pressed(open_axis(sent, chain, heat), 0.1)
     assert max(hot[50:]) < 0.13, "2 % of the heat have gone before the first command"
     assert cold[-1] > 0.2

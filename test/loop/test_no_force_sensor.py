@@ -16,33 +16,33 @@ from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-MODEL = thesis_friction()
 MS = 1_000_000
 
 
 def controller_in(mode: int) -> VerticalController:
     """Return a controller whose spring would press with all that it may."""
-    made = VerticalController(
-        VerticalSettings(stiffness=1000.0, damping=40.0),
-        MODEL,
-        WatchSettings(force_required=False),
-        AgreementSettings(),
-        MS,
-        mode,
-    )
+    law = VerticalSettings(stiffness=1000.0, damping=40.0)
+    watch = WatchSettings(force_required=False)
+    made = VerticalController(law, thesis_friction(), watch, AgreementSettings(), MS, mode)
     made.wanted.ask((0.02,), (0.0,), MS)
     return made
+
+
+def position(tick: int, place: float = 0.18, speed: float = 0.0) -> EncoderReading:
+    return EncoderReading(tick, tick * MS, 0, 0, place, speed, True)
+
+
+def force_sample(tick: int, force: float = 0.0, status: int = 0) -> ForceReading:
+    return ForceReading(tick, tick * MS, 0, 0.0, 0.0, force, 0.0, 0.0, 0.0, status)
 
 
 def run(controller: VerticalController, ticks: range, force: float | None = None) -> None:
     """Let a nut at rest go by, with a force on the handle [N] or without a force sensor."""
     for tick in ticks:
-        now = tick * MS
-        controller.on_drive(True, 0.0, now)
+        controller.on_drive(True, 0.0, tick * MS)
         if force is not None:
-            reading = ForceReading(tick, now, 0, 0.0, 0.0, force, 0.0, 0.0, 0.0, 0)
-            controller.on_force(reading, now)
-        assert controller.on_encoder(EncoderReading(tick, now, 0, 0, 0.18, 0.0, True), now)
+            controller.on_force(force_sample(tick, force), tick * MS)
+        assert controller.on_encoder(position(tick), tick * MS)
 
 
 @pytest.mark.parametrize("mode", list(filter(modes.uses_force, modes.MODE_NAMES)))
@@ -68,38 +68,45 @@ def test_a_force_sensor_that_is_not_required_may_be_used():
 
 def test_a_fault_before_any_torque_ends_with_its_cause():
     """In operation it would stay until a reset."""
-    controller = controller_in(modes.IMPEDANCE)
-    controller.mode = modes.OFF
+    controller = controller_in(modes.OFF)
     for tick in range(1, 60):
-        now, speed = tick * MS, 2.0 if 20 <= tick < 25 else 0.0
-        controller.on_drive(False, 0.0, now)
-        sample = EncoderReading(tick, now, 0, 0, 0.18, speed, True)
-        controller.on_encoder(sample, now)
-        if tick == 20:
-            assert "faster" in controller.reason
+        controller.on_drive(False, 0.0, tick * MS)
+        controller.on_encoder(position(tick, speed=2.0 if 20 <= tick < 25 else 0.0), tick * MS)
+        assert tick != 20 or "faster" in controller.reason
     assert controller.reason == ""
 
 
-def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sample():
+AT = 1000 * MS
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments"),
+    [
+        ("on_force", (force_sample(1000, status=1 << 4), AT)),
+        ("on_encoder", (position(1000, place=0.30), AT)),
+        ("on_encoder", (position(1000)._replace(monotonic_ns=10**15), AT)),
+        ("set_fault", ("from elsewhere",)),
+        ("idle", (1100 * MS,)),
+    ],
+)
+def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sample(
+    method, arguments
+):
     """Each input of the controller may be the last one before the drive reports that it is off."""
-    bad = ForceReading(1000, 1000 * MS, 0, *[0.0] * 6, 1 << 4)
-    later = EncoderReading(1000, 1000 * MS, 0, 0, 0.30, 0.0, True)
-    future = EncoderReading(1000, 10**15, 0, 0, 0.18, 0.0, True)
-    for comes in (
-        lambda made: made.on_force(bad, 1000 * MS),
-        lambda made: made.on_encoder(later, 1000 * MS),
-        lambda made: made.on_encoder(future, 1000 * MS),
-        lambda made: made.set_fault("from elsewhere"),
-        lambda made: made.idle(1100 * MS),
-    ):
-        made = controller_in(modes.IMPEDANCE)
-        run(made, range(1, 1000), force=0.0)
-        assert not made.faulted
-        comes(made)
-        made.on_drive(False, 0.0, 1000 * MS)
-        assert made.faulted and made.reason
-    # After its reset, a fault without torque ends with its cause again.
-    made.reset(1000 * MS)
-    made.set_fault("from elsewhere")
-    made.on_drive(False, 0.0, 1001 * MS)
-    assert made.fault.reason != "from elsewhere"
+    made = controller_in(modes.IMPEDANCE)
+    run(made, range(1, 1000), force=0.0)
+    assert not made.faulted
+    getattr(made, method)(*arguments)
+    made.on_drive(False, 0.0, AT)
+    assert made.faulted and made.reason
+
+
+def test_after_its_reset_a_fault_without_torque_ends_with_its_cause_again():
+    made = controller_in(modes.IMPEDANCE)
+    run(made, range(1, 1000), force=0.0)
+    made.idle(1100 * MS)
+    made.on_drive(False, 0.0, AT)
+    made.reset(AT)
+    made.set_fault("anything")
+    made.on_drive(False, 0.0, AT + MS)
+    assert made.fault.reason != "anything"

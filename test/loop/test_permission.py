@@ -14,20 +14,6 @@ from screw_module_ros.safety.permit import CLOSED, STARTING, Permit, PermitSetti
 MS = 1_000_000
 
 
-def made() -> Permit:
-    """Return the permit of no drive."""
-    return Permit([], Requests(), PermitSettings(), MS)
-
-
-def refusal(permit: Permit, now_ns: int) -> str:
-    """Return what `~/enable` says with fresh commands."""
-    answer = permit.requests.put(permit.apply_enable)
-    permit.step(now_ns, now_ns)
-    said = answer.result(timeout=0.0)
-    permit.close()
-    return said
-
-
 def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
     """A loop at half its rate may see odd ticks alone, a multiple of four never."""
     looked = []
@@ -91,11 +77,19 @@ def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(benc
 
 
 def test_without_a_supervisor_enabling_is_not_refused_in_its_name():
-    permit = made()
-    assert refusal(permit, MS) == "no fresh safety_state", "it has never said anything"
+    permit = Permit([], Requests(), PermitSettings(), MS)
+
+    def refusal(now_ns: int) -> str:
+        """Return what `~/enable` says with fresh commands."""
+        answer = permit.requests.put(permit.apply_enable)
+        permit.step(now_ns, now_ns)
+        permit.close()
+        return answer.result(timeout=0.0)
+
+    assert refusal(MS) == "no fresh safety_state", "it has never said anything"
     permit.supervise(False, "encoder: not seen yet", 2 * MS)
-    assert refusal(permit, 3 * MS) == "not permitted: encoder: not seen yet"
-    assert refusal(permit, 500 * MS) == "no fresh safety_state", "it has gone since"
+    assert refusal(3 * MS) == "not permitted: encoder: not seen yet"
+    assert refusal(500 * MS) == "no fresh safety_state", "it has gone since"
 
 
 def test_a_latched_stop_whose_cause_is_over_tells_the_way_out(enabled):
@@ -145,25 +139,17 @@ def test_an_act_that_no_loop_carries_out_is_refused_and_not_done_later():
     assert acts == []
 
 
-def implausible(bench) -> None:
-    """Send a new command that no controller may give."""
+@pytest.mark.parametrize("first", ["", "20 deadlines missed in a row"])
+def test_one_clear_fault_clears_a_command_fault_behind_another_fault(bench, first):
+    """The first is the cause that is shown."""
+    fault = bench.axis.permit.fault
+    fault.set(first)
     bench.clock.time_ns += MS
     bench.axis.command(bench.now_ns // MS, bench.now_ns, 1e6, bench.now_ns)
-
-
-def test_a_command_fault_is_latched(bench):
-    implausible(bench)
-    assert "beyond anything" in bench.axis.permit.fault.reason
-
-
-def test_one_clear_fault_clears_what_came_behind_another_fault(bench):
-    bench.axis.permit.fault.set("20 deadlines missed in a row")
-    implausible(bench)
-    fault = bench.axis.permit.fault
-    assert fault.reason == "20 deadlines missed in a row", "the first is the cause"
+    assert fault.reason == first if first else "beyond anything" in fault.reason
     assert bench.clear_fault() == ""
     bench.ticks(20)
-    assert bench.axis.permit.fault.reason == "", "nothing has happened since"
+    assert fault.reason == "", "nothing has happened since"
 
 
 def test_torque_that_cannot_be_sent_is_not_shown_as_written(enabled, monkeypatch):

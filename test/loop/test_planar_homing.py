@@ -13,14 +13,19 @@ from screw_module_ros.devices import drive_group
 from screw_module_ros.safety.permit import CLOSED, OPENING
 
 
-def test_not_while_enabled_nor_on_the_way_there(bench):
-    permit = bench.plane.permit
-    permit.phase = OPENING
+def homed_and_enabled(bench) -> bool:
+    return bench.plane.take_home(bench.now_ns) == bench.enable_plane() == ""
+
+
+def test_not_on_the_way_to_enabled(bench):
+    bench.plane.permit.phase = OPENING
     assert "disable it first" in bench.plane.take_home(bench.now_ns)
-    permit.phase = CLOSED
+    bench.plane.permit.phase = CLOSED
     assert bench.plane.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == ""
-    assert "disable it first" in bench.plane.take_home(bench.now_ns)
+
+
+def test_not_while_enabled(bench, plane):
+    assert "disable it first" in plane.take_home(bench.now_ns)
 
 
 def test_not_while_a_drive_is_in_operation_without_us(bench):
@@ -56,39 +61,38 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     """Between deactivate and activate nobody listens: a drive may have restarted unseen."""
     axes = bench.plane
     ends = [bench.rig.devices[name].node for name in ("shoulder", "elbow")]
+
+    def guards():
+        return [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends]
+
     assert axes.homed
     axes.guide.ask(Slot(target_y=0.14), 0, bench.now_ns)
     assert axes.shutdown() == ""
-    assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [(0, 0)] * 2
+    assert guards() == [(0, 0)] * 2
     axes.restart()
     assert axes.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
     drive_group.start(axes.permit.drives)
-    assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [
-        (20, 113 << 16 | 100)
-    ] * 2
+    assert guards() == [(20, 113 << 16 | 100)] * 2
     assert axes.take_home(bench.now_ns) == "the drives do not answer"
     bench.ticks(30)
     assert not axes.homed and "not homed" in bench.enable_plane()
-    assert axes.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == ""
+    assert homed_and_enabled(bench)
 
 
-def test_a_jump_costs_the_home_position(bench):
+def test_a_jump_costs_the_home_position(bench, plane):
     """clear_fault alone does not lead back to operation; home at the reference mark does."""
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
-    assert bench.enable_plane() == ""
     bench.rig.inject("shoulder", "garbage", 0.0, 0.0, bench.now_ns)
     bench.ticks(20)
     bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
     bench.ticks(200)
-    assert not bench.plane.homed
-    assert bench._asking(bench.plane.clear_fault) == ""
-    assert "not homed" in bench.plane.enable(lambda seconds: None)
+    assert not plane.homed
+    assert bench._asking(plane.clear_fault) == ""
+    assert "not homed" in bench.enable_plane()
     bench.ticks(2000)
-    assert bench.plane.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == ""
+    assert homed_and_enabled(bench)
     bench.ticks(600)
-    assert max(map(abs, bench.plane.written)) > 0.1
+    assert max(map(abs, plane.written)) > 0.1
 
 
 HOME_OFFSET = 0x607C
@@ -110,5 +114,4 @@ def test_after_a_foreign_sdo_client_the_plane_must_be_homed_again(bench, node_id
     assert not bench.plane.homed
     assert "not homed" in bench.enable_plane()
     bench.ticks(50)
-    assert bench.plane.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == ""
+    assert homed_and_enabled(bench)

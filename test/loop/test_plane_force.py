@@ -20,19 +20,29 @@ def sent(bench, age_ms=0, **changed) -> None:
     bench.plane.on_force(reading._replace(**changed), bench.now_ns)
 
 
-@pytest.fixture
-def moving(bench):
-    """A plane with torque, whose force samples the test sends."""
-    assert bench.enable_plane() == ""
-    bench.plane_hears_force = False
-    bench.ticks(3)
-    return bench
-
-
 def alive(bench, count=20) -> None:
     for _ in range(count):
         bench.tick()
         sent(bench)
+
+
+@pytest.fixture
+def moving(bench, plane):
+    """A plane with torque, whose force samples the test sends."""
+    bench.plane_hears_force = False
+    alive(bench)
+    assert plane.permit.enabled
+    return bench
+
+
+@pytest.fixture
+def without(bench):
+    """A plane that has begun anew, and hears of no force."""
+    bench.plane_hears_force = False
+    bench.plane.restart()
+    bench.ticks(30)
+    assert bench.plane.take_home(bench.now_ns) == ""
+    return bench
 
 
 @pytest.mark.parametrize(
@@ -41,12 +51,10 @@ def alive(bench, count=20) -> None:
         ({"status": 1 << 4}, "supply too high (status bit 4)"),
         ({"fx": math.nan}, "not a finite number"),
         ({"tz": math.inf}, "not a finite number"),
-        ({"fx": 110.0, "fy": -110.0}, "155.6 N on the handle, more than 150 N"),
+        ({"fx": -90.01, "fy": 120.0}, "150 N on the handle, more than 150 N"),
     ],
 )
 def test_a_sample_that_cannot_be_used_stops_the_plane(moving, changed, said):
-    alive(moving)
-    assert moving.plane.permit.enabled
     moving.tick()
     sent(moving, **changed)
     moving.tick()
@@ -57,38 +65,28 @@ def test_a_sample_that_cannot_be_used_stops_the_plane(moving, changed, said):
 
 
 def test_what_presses_on_the_screw_alone_is_the_controllers_concern(moving):
-    alive(moving)
-    sent(moving, fz=400.0)
+    sent(moving, fx=-90.0, fy=120.0, fz=400.0)  # 150 N in the plane
     moving.tick()
     assert moving.plane.permit.enabled
 
 
 def test_a_silent_sensor_stops_the_plane_that_had_one(moving):
     """The guard of 150 N used to end after 0.2 s without a word."""
-    alive(moving)
     moving.ticks(4)
     assert moving.plane.permit.enabled
     moving.ticks(4)
     assert "force sensor: no sample for" in moving.plane.permit.reason
 
 
-def test_a_plane_without_a_force_sensor_says_so_in_its_settings(bench):
-    bench.plane_hears_force = False
-    bench.plane._limits = PlaneLimits(force_required=False)
-    bench.plane.restart()
-    bench.ticks(30)
-    assert bench.plane.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == ""
-    bench.ticks(100)
-    assert bench.plane.permit.enabled
+def test_a_plane_without_a_force_sensor_says_so_in_its_settings(without):
+    without.plane._limits = PlaneLimits(force_required=False)
+    assert without.enable_plane() == ""
+    without.ticks(100)
+    assert without.plane.permit.enabled
 
 
-def test_without_a_force_sample_the_plane_is_not_enabled(bench):
+def test_without_a_force_sample_the_plane_is_not_enabled(without):
     """Neither its limit of 150 N nor the check for a frozen position would act."""
-    bench.plane_hears_force = False
-    bench.plane.restart()
-    bench.ticks(30)
-    assert bench.plane.take_home(bench.now_ns) == ""
-    assert bench.enable_plane() == "force sensor: no sample yet"
-    sent(bench)
-    assert bench.enable_plane() == ""
+    assert without.enable_plane() == "force sensor: no sample yet"
+    sent(without)
+    assert without.enable_plane() == ""

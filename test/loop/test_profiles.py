@@ -29,20 +29,52 @@ WORDS = {
 SILENT_S = 0.25
 
 
+def missing(bench):
+    return {each.guard for each in bench.drive.unguarded}
+
+
 @pytest.fixture
-def robot(request):
-    """A robot whose drives and encoder are of the makes that the test names."""
+def unready():
+    """Return a maker of robots whose drives, encoder and force sensor are of the makes it is told.
+
+    lacking: object of the vertical drive that cannot be written.
+    """
     made = []
 
     def make(drive=profiles.GENERIC_402, encoder=profiles.GENERIC_406,
-             sensor=profiles.NETCANOEM, word=True):  # fmt: skip
-        settings = WORDS.get(drive) if word else None
-        made.append(Bench(1, settings, drive, encoder, sensor))
+             sensor=profiles.NETCANOEM, word=True, lacking=None):  # fmt: skip
+        made.append(Bench(1, WORDS.get(drive) if word else None, drive, encoder, sensor))
+        if lacking:
+            made[-1].rig.devices["drive"].node.variable(*lacking).access_type = "ro"
         return made[-1]
 
     yield make
     for bench in made:
         bench.close()
+
+
+@pytest.fixture
+def ready(unready):
+    """Return a maker of robots that are connected, homed and tared."""
+
+    def make(**makes):
+        bench = unready(**makes)
+        bench.ready()
+        return bench
+
+    return make
+
+
+@pytest.fixture
+def robot(ready):
+    """Return a maker of robots that are enabled."""
+
+    def make(**makes):
+        bench = ready(**makes)
+        assert bench.enable() == ""
+        return bench
+
+    return make
 
 
 def moved(bench) -> float:
@@ -61,8 +93,6 @@ def moved(bench) -> float:
 @pytest.mark.parametrize("name", DRIVES)
 def test_a_drive_from_configure_to_recovery(robot, name):
     bench = robot(drive=name)
-    bench.ready()
-    assert bench.enable() == ""
     assert moved(bench) > 0.04
     assert bench.rig.inject("drive", "fault", 0x7300, 0.05, bench.now_ns)
     bench.seconds(0.3)
@@ -78,9 +108,7 @@ def test_a_drive_from_configure_to_recovery(robot, name):
 def test_a_drive_stops_by_itself_when_this_program_does(robot, name):
     """The loop hangs: no frame of ours any more. The motor is free within the drive's own time."""
     bench = robot(drive=name)
-    bench.ready()
-    assert bench.enable() == ""
-    bench.seconds(0.7)
+    bench.seconds(0.55)
     motor = bench.rig.devices["drive"].machine
     assert motor.driving
     longest_ns = round(bench.drive.settings.heartbeat_timeout * 1e9)
@@ -93,17 +121,13 @@ def test_a_drive_stops_by_itself_when_this_program_does(robot, name):
     assert bench.now_ns - begun_ns <= 61_000_000  # whatever stands in for the command deadline
 
 
-def test_a_drive_without_a_watch_of_our_heartbeat_needs_the_operators_word(robot):
-    bench = robot(drive="ingenia", word=False)
-    bench.ready()
-    refused = bench.enable()
+def test_a_drive_without_a_watch_of_our_heartbeat_needs_the_operators_word(ready, robot):
+    refused = ready(drive="ingenia", word=False).enable()
     assert "allow_no_heartbeat" in refused
     assert "command_deadline, lost_connection, quick_stop_reaction, fault_reaction" in refused
-    allowed = robot(drive="ingenia")
-    allowed.ready()
-    assert allowed.enable() == ""
-    assert allowed.drive.danger.startswith("DANGER")
-    assert any("1016" in warning for warning in allowed.drive.warnings)
+    allowed = robot(drive="ingenia").drive
+    assert allowed.danger.startswith("DANGER")
+    assert any("1016" in warning for warning in allowed.warnings)
 
 
 @pytest.mark.parametrize(
@@ -114,9 +138,8 @@ def test_a_drive_without_a_watch_of_our_heartbeat_needs_the_operators_word(robot
         ("elmo_simpliq", {"command deadline"}, None),
     ],
 )
-def test_what_stands_in_for_a_guard_is_written_and_told(robot, name, guards, substitute):
-    bench = robot(drive=name)
-    bench.ready()
+def test_what_stands_in_for_a_guard_is_written_and_told(ready, name, guards, substitute):
+    bench = ready(drive=name)
     assert bench.drive.unguarded == ()
     told = [each for each in bench.drive.warnings if "in its place" in each]
     assert len(told) == len(guards)
@@ -126,36 +149,26 @@ def test_what_stands_in_for_a_guard_is_written_and_told(robot, name, guards, sub
         assert bench.rig.devices["drive"].node.value(index, subindex) == value
 
 
-def test_a_substitute_that_is_refused_leaves_the_guard_missing(robot):
-    bench = robot(drive="epos4")
-    bench.rig.devices["drive"].node.variable(0x3001, 2).access_type = "ro"
-    bench.ready()
-    assert [each.guard for each in bench.drive.unguarded] == ["torque_limit"]
+def test_a_substitute_that_is_refused_leaves_the_guard_missing(ready):
+    bench = ready(drive="epos4", lacking=(0x3001, 2))
+    assert missing(bench) == {"torque_limit"}
     assert "3001:02" in bench.enable()
 
 
-def test_a_substitute_that_relies_on_a_missing_guard_does_not_count(robot):
-    bench = robot(drive="epos4")
-    bench.rig.devices["drive"].node.variable(0x1016, 1).access_type = "ro"
-    bench.ready()
-    missing = {each.guard for each in bench.drive.unguarded}
-    assert missing == {"master_heartbeat", "command_deadline"}
+def test_a_substitute_that_relies_on_a_missing_guard_does_not_count(ready):
+    bench = ready(drive="epos4", lacking=(0x1016, 1))
+    assert missing(bench) == {"master_heartbeat", "command_deadline"}
 
 
-def test_our_heartbeat_stands_in_for_nothing_where_its_loss_is_no_fault(robot):
+def test_our_heartbeat_stands_in_for_nothing_where_its_loss_is_no_fault(ready):
     """Without 6007 the drive may note the loss and go on."""
-    bench = robot(drive="epos4")
-    bench.rig.devices["drive"].node.variable(0x6007, 0).access_type = "ro"
-    bench.ready()
-    missing = {each.guard for each in bench.drive.unguarded}
-    assert missing == {"lost_connection", "command_deadline"}
+    bench = ready(drive="epos4", lacking=(0x6007, 0))
+    assert missing(bench) == {"lost_connection", "command_deadline"}
 
 
 def test_the_mode_is_read_where_the_drive_cannot_map_it(robot):
     """SimplIQ: 603F and 6061 come by SDO. A drive that leaves torque mode is stopped then."""
     bench = robot(drive="elmo_simpliq")
-    bench.ready()
-    assert bench.enable() == ""
     bench.rig.inject("drive", "mode_lost", 0.0, 1.0, bench.now_ns)
     bench._asking(lambda clock: bench.drive.poll_slow() or "")
     bench.seconds(0.05)
@@ -164,26 +177,20 @@ def test_the_mode_is_read_where_the_drive_cannot_map_it(robot):
 
 def test_nobody_else_commands_a_drive_by_a_pdo_that_cannot_be_disabled(robot):
     """SimplIQ with a fixed mapping of RPDO2: a frame there is another master's."""
-    bench = robot(drive="elmo_simpliq")
-    node = bench.rig.devices["drive"].node
-    node.variable(0x1601, 0).access_type = "ro"
-    bench.ready()
-    assert bench.enable() == ""
+    bench = robot(drive="elmo_simpliq", lacking=(0x1601, 0))
     bench.rig.devices["drive"].link.send(0x301, b"\x0f\x00")
     bench.seconds(0.05)
     assert "somebody else commands the drive" in bench.axis.permit.reason
 
 
-def test_a_target_stays_in_the_range_of_the_make(robot):
-    bench = robot(drive="epos4")
-    bench.ready()
-    assert bench.drive._per_mille(1.6) == 2000
-    assert bench.drive._per_mille(-1.6) == -2000
+@pytest.mark.parametrize(("asked", "per_mille"), [(1.6, 2000), (-1.6, -2000)])
+def test_a_target_stays_in_the_range_of_the_make(ready, asked, per_mille):
+    assert ready(drive="epos4").drive._per_mille(asked) == per_mille
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_the_profile_that_fits_is_found(robot, name):
-    bench = robot(drive=name)
+def test_the_profile_that_fits_is_found(unready, name):
+    bench = unready(drive=name)
     sdo, node = bench.drive.sdo, bench.rig.devices["drive"].node
     bench.rig.process(bench.now_ns + 50_000_000)
     assert sdo.unsigned(0x1000)
@@ -194,27 +201,25 @@ def test_the_profile_that_fits_is_found(robot, name):
 
 
 @pytest.mark.parametrize("name", ENCODERS)
-def test_an_encoder_from_configure_to_motion(robot, name):
-    bench = robot(encoder=name)
-    written = []
+def test_an_encoder_from_configure_to_motion(unready, name):
+    bench, written = unready(encoder=name), []
     bench.rig.devices["encoder"].node.checks.append(lambda *write: written.append(write[0]))
     bench.ready()
-    if not MAKES[name].encoder.scaling:
-        assert not {0x6000, 0x6001, 0x6002} & set(written)
+    assert MAKES[name].encoder.scaling or not {0x6000, 0x6001, 0x6002} & set(written)
     assert bench.enable() == ""
     assert moved(bench) > 0.04
 
 
-def test_an_encoder_that_counts_otherwise_is_told(robot):
-    bench = robot(encoder="sick_ahm36")
+def test_an_encoder_that_counts_otherwise_is_told(unready):
+    bench = unready(encoder="sick_ahm36")
     bench.encoder.settings = bench.encoder.settings._replace(counts_per_turn=4096)
     with pytest.raises(NotConfigured, match="object 6501.*set it to 20000"):
         bench.connect()
 
 
-def test_an_encoder_that_scales_already_is_compared_with_its_scale(robot):
+def test_an_encoder_that_scales_already_is_compared_with_its_scale(unready):
     """Nothing is written: who set it up may have had a reason."""
-    bench = robot(encoder="baumer_rotary")
+    bench = unready(encoder="baumer_rotary")
     node = bench.rig.devices["encoder"].node
     node.put(0x6000, 0, 1 << MAKES["baumer_rotary"].encoder.scaling_bit)
     node.put(0x6001, 0, 4096)
@@ -223,9 +228,8 @@ def test_an_encoder_that_scales_already_is_compared_with_its_scale(robot):
 
 
 @pytest.mark.parametrize(("make", "period"), [("epos4", 0.010), ("elmo_gold", 0.015)])
-def test_a_make_that_needs_a_short_heartbeat_gets_four_in_its_timeout(robot, make, period):
-    bench = robot(drive=make)
-    assert bench.drive.settings.heartbeat_period == pytest.approx(period)
+def test_a_make_that_needs_a_short_heartbeat_gets_four_in_its_timeout(unready, make, period):
+    assert unready(drive=make).drive.settings.heartbeat_period == pytest.approx(period)
 
 
 def test_every_protocol_has_a_driver_and_a_simulated_sensor():
@@ -237,8 +241,6 @@ def test_every_force_sensor_measures_as_the_netcanoem_does(robot):
     felt = {}
     for name in FORCE_SENSORS:
         bench = robot(sensor=name)
-        bench.ready()
-        assert bench.enable() == ""
         assert moved(bench) > 0.04
         felt[name] = [row.patient for row in bench.rows[-500:]]
     wanted = felt[profiles.NETCANOEM]
@@ -247,29 +249,24 @@ def test_every_force_sensor_measures_as_the_netcanoem_does(robot):
         assert max(abs(a - b) for a, b in zip(wanted, found, strict=True)) < 1.0
 
 
-def test_a_net_box_that_repeats_a_sample_gives_none(robot):
+@pytest.mark.parametrize(
+    ("fault", "size", "said"),
+    [
+        ("freeze", 0.0, "force sensor: no sample"),  # it repeats a sample
+        ("status", 6.0, "reports an error, status 0x8000"),
+    ],
+)
+def test_a_net_box_that_fails_stops_the_robot(robot, fault, size, said):
     bench = robot(sensor="ati_net")
-    bench.ready()
-    assert bench.enable() == ""
-    bench.rig.inject("force_sensor", "freeze", 0.0, 0.0, bench.now_ns)
+    bench.rig.inject("force_sensor", fault, size, 0.0, bench.now_ns)
     bench.seconds(0.1)
-    assert bench.force_sensor.counters["repeated"] > 50
-    assert "force sensor: no sample" in bench.controller.reason
+    assert said in f"{bench.controller.reason}, {bench.force_sensor.fault}"
+    assert (bench.force_sensor.counters["repeated"] > 50) == (fault == "freeze")
     assert bench.rows[-1].torque == 0.0
 
 
-def test_a_net_box_with_an_error_stops_the_robot(robot):
-    bench = robot(sensor="ati_net")
-    bench.ready()
-    assert bench.enable() == ""
-    bench.rig.inject("force_sensor", "status", 6.0, 0.0, bench.now_ns)
-    bench.seconds(0.1)
-    assert "reports an error, status 0x8000" in bench.force_sensor.fault
-    assert bench.rows[-1].torque == 0.0
-
-
-def test_a_net_box_needs_its_counts_per_unit(robot):
-    bench = robot(sensor="ati_net")
+def test_a_net_box_needs_its_counts_per_unit(unready):
+    bench = unready(sensor="ati_net")
     bench.force_sensor.settings = bench.force_sensor.settings._replace(counts_per_force=0.0)
     with pytest.raises(NotConfigured, match="counts_per_force"):
         bench.connect()

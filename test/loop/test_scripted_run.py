@@ -226,7 +226,7 @@ def fault_run(device: str, fault: str, size: float):
         bench.controller.reset(bench.now_ns)
         _until(bench, begin + 400)
         answers += bench.enable(), bench.enable_plane()
-        _until(bench, begin + 1000)
+        _until(bench, begin + 600)
         yield "mended", f"{answers}, {bench.rows[-1].reason}: {_digest(bench, begin)}"
     finally:
         bench.close()

@@ -5,7 +5,20 @@ from __future__ import annotations
 
 import pytest
 
+from screw_module_ros.control.modes import IMPEDANCE
 from screw_module_ros.geometry import COUNTS_PER_TURN, SCREW
+
+
+@pytest.fixture(autouse=True)
+def in_impedance(bench):
+    bench.controller.mode = IMPEDANCE
+
+
+def rehome(bench, position: float) -> None:
+    """Home the encoder where it stands, at another position [m]."""
+    bench.encoder.settings = bench.encoder.settings._replace(home_position=position)
+    bench.encoder.home()
+    bench.ticks(12)
 
 
 def slip(bench, metres: float, device: str = "drive", fault: str = "position_jump") -> None:
@@ -35,7 +48,6 @@ def cycles(bench, metres: float, count: int) -> list[str]:
 
 def test_slips_add_up_over_enablings(bench):
     """The comparison began anew with each of them."""
-    bench.controller.mode = 1
     reasons = cycles(bench, 0.0007, 6)
     assert reasons[:2] == ["", ""]
     assert reasons[2].startswith("encoder and drive disagree by -2.1 mm")
@@ -48,7 +60,6 @@ def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
 
     Homing at the same place is a homing too: it may be the drive that slipped.
     """
-    bench.controller.mode = 1
     assert bench.enable() == ""
     bench.seconds(0.1)
     slip(bench, 0.01, device, fault)
@@ -60,9 +71,7 @@ def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
         bench.controller.reset(bench.now_ns)
         assert bench.controller.home_in_doubt and bench.controller.reason
         assert not bench.controller.faulted
-    bench.encoder.settings = bench.encoder.settings._replace(home_position=bench.rows[-1].position)
-    bench.encoder.home()
-    bench.ticks(12)
+    rehome(bench, bench.rows[-1].position)
     assert bench.controller.reason == "" and not bench.controller.home_in_doubt
     assert bench.enable() == ""
     bench.seconds(0.2)
@@ -70,13 +79,11 @@ def test_after_a_slip_no_reset_replaces_a_homing(bench, device, fault):
 
 
 def test_slips_one_way_and_the_other_do_not(bench):
-    bench.controller.mode = 1
     for metres in (0.0015, -0.0015):
         assert cycles(bench, metres, 1) == [""]
 
 
 def test_a_drive_that_counts_from_elsewhere_while_off_is_no_slip(bench):
-    bench.controller.mode = 1
     assert cycles(bench, 0.0007, 2) == ["", ""]
     slip(bench, 0.05)
     bench.seconds(0.1)
@@ -85,11 +92,7 @@ def test_a_drive_that_counts_from_elsewhere_while_off_is_no_slip(bench):
 
 @pytest.mark.parametrize("shift", [0.0001, 0.003])
 def test_a_homing_elsewhere_is_no_slip(bench, shift):
-    bench.controller.mode = 1
     assert cycles(bench, 0.0007, 2) == ["", ""]
-    encoder = bench.encoder
-    encoder.settings = encoder.settings._replace(home_position=bench.home + shift)
-    encoder.home()
-    bench.ticks(12)
+    rehome(bench, bench.home + shift)
     assert abs(bench.rows[-1].position - bench.home - shift) < 1e-4
     assert cycles(bench, 0.0005, 1) == [""]
