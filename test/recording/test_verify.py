@@ -226,6 +226,11 @@ PROBLEMS = {
         {"parameters": {f"/left{name}": text for name, text in RATES.items()}},
         "/manus/state: of 38 messages 37 lost in 37 gaps",
     ),
+    "a single lost sample": (
+        [encoder([*range(300), *range(301, 600)]), plane(range(0, 300, 4))],
+        {},
+        "/screw/encoder: of 599 messages 1 lost in 1 gaps",
+    ),
     "a jump of the sequence": (
         [encoder([0, 1, 200_000, 200_001], period=1e-4), plane([0, 4])],
         {},
