@@ -23,6 +23,7 @@ from ..files import replace
 from ..settings import Setting, fields
 from ..settings_file import VERSION
 from . import friction_model, gravity, inertia, stability, static_torque
+from .force_metric import apparent_mass
 from .lab import Lab, MissingResult
 from .results import NOTHING, Experiment, Quantity, Result, no_figures
 from .trials import RELEASE
@@ -92,7 +93,7 @@ _SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
 _SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 
 
-def write(lab: Lab, result: Result, serial: str) -> None:
+def write_certificate(lab: Lab, result: Result, serial: str) -> None:
     """Write the certificate into the lab's folder, with gains if `stability` has a result.
 
     result: of `delivered_impedance`; serial: of the module. The checksum covers the text before
@@ -149,10 +150,11 @@ def _over_frequency(result: Result) -> dict[str, Any]:
     """Return resistance and apparent mass over the frequency, by mode."""
     if "frequencies" not in result.data:
         return {}
-    frequencies, omega = result.data["frequencies"], 2.0 * np.pi * result.data["frequencies"]
-    stiffness, table = result.settings["stiffness"], {}
+    frequencies, table = result.data["frequencies"], {}
     for name in (key[11:] for key in result.data if key.startswith("resistance_")):
-        mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
+        mass = apparent_mass(
+            result.data[f"reactance_{name}"], frequencies, result.settings["stiffness"]
+        )
         rows = {"resistance_Ns_m": result.data[f"resistance_{name}"], "apparent_mass_kg": mass}
         table[name] = {
             row: [round(float(v), 4) if np.isfinite(v) else None for v in values]

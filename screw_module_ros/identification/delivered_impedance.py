@@ -21,6 +21,7 @@ from ..settings import Setting
 from . import calibration, force_error
 from .figures import COLOURS, DESIRED, error_map, panels
 from .force_error import with_damping
+from .force_metric import apparent_mass
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .stability import law_of
@@ -86,7 +87,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     if TRUTH in lab.bench.offers:
         quantities += _at_rest(lab, usual)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
-    calibration.write(lab, result, serial)
+    calibration.write_certificate(lab, result, serial)
     return result
 
 
@@ -190,7 +191,7 @@ def _fitted(
     """
     omega, slow = 2.0 * math.pi * frequencies, int(np.argmin(frequencies))
     fast = frequencies >= _FAST
-    masses = (z.imag[fast] + stiffness / omega[fast]) / omega[fast]
+    masses = apparent_mass(z.imag, frequencies, stiffness)[fast]
     mass, resistance = float(np.median(masses)), z.real[~fast]
     at, speed = f"at {frequencies[slow]:g} Hz", trial.omega * trial.amplitude
     friction = friction_felt(float(z.real[slow]), trial.settings.damping, speed)
@@ -211,11 +212,12 @@ def draw(result: Result) -> Drawn:
     """Draw the impedance at the handle over the frequency, and the errors at rest."""
     frequencies = result.data["frequencies"]
     labels = {name: name.replace("_", " ") for name in _NAMES.values()}
-    omega = 2.0 * np.pi * frequencies
     figure, (left, right) = panels(1, 2, (9.0, 4.2))
     for (name, label), colour in zip(labels.items(), COLOURS, strict=False):
         line = {"marker": "o", "markersize": 3.0, "color": colour}
-        mass = (result.data[f"reactance_{name}"] + result.settings["stiffness"] / omega) / omega
+        mass = apparent_mass(
+            result.data[f"reactance_{name}"], frequencies, result.settings["stiffness"]
+        )
         left.plot(frequencies, result.data[f"resistance_{name}"], **line, label=label)
         right.plot(frequencies, mass, **line)
     for axes, linear in ((left, 10.0), (right, 5.0)):

@@ -267,7 +267,7 @@ _CHANGED = (
 
 def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
     """Return the rms error [N] in each of `STATES`. Raises KeyError for a trial not measured."""
-    name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
+    name = f"rms_{name_of(mode, case)}"
     uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
     return uncalibrated, calibrated, changed
 

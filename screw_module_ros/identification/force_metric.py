@@ -45,6 +45,15 @@ def spring_force(position: np.ndarray, spring: Spring) -> np.ndarray:
     return spring.stiffness * (np.asarray(position) - spring.centre)
 
 
+def apparent_mass(reactance: np.ndarray, frequencies: np.ndarray, stiffness: float) -> np.ndarray:
+    """Return the mass [kg] that a reactance at the handle [Ns/m] shows beside a spring [N/m].
+
+    frequencies: of the reactances [Hz].
+    """
+    omega = 2.0 * np.pi * frequencies
+    return (reactance + stiffness / omega) / omega
+
+
 def offsets(
     position: np.ndarray, velocity: np.ndarray, force: np.ndarray, spring: Spring
 ) -> Offsets:

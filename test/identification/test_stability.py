@@ -232,7 +232,7 @@ def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
         assert over in axes.get_xlabel() and len(axes.lines) >= len(stability.CURVES)
     weighed = result.settings | {"masses": stability.IDENTIFIED}
     result._replace(settings=weighed).save(lab.folder)
-    calibration.write(lab, DELIVERED, "ARM-0007")
+    calibration.write_certificate(lab, DELIVERED, "ARM-0007")
     permitted = load_certificate(lab.folder / calibration.CERTIFICATE, "ARM-0007")
     assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
     for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
@@ -259,7 +259,7 @@ def test_gains_of_another_law_or_module_make_no_certificate(lab, change, bench, 
     found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
     Result("stability", (), found | change, (), {}, bench).save(lab.folder)
     with pytest.raises(MissingResult, match=said):
-        calibration.write(lab, DELIVERED, "ARM-0007")
+        calibration.write_certificate(lab, DELIVERED, "ARM-0007")
     assert not list(lab.folder.glob("*module_certificate*")), "nor a half of one"
 
 
