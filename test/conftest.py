@@ -113,6 +113,17 @@ def kept(request: pytest.FixtureRequest) -> Callable[..., None]:
 
 
 @pytest.fixture
+def bench():
+    """A robot in one thread that is connected, homed, tared and not enabled."""
+    from screw_module_ros.trials.one_thread import Bench  # most tests need no robot
+
+    made = Bench()
+    made.ready()
+    yield made
+    made.close()
+
+
+@pytest.fixture
 def kill_9() -> Callable[[int], None]:
     """Return `kill_9(pid)`: kills a process and removes the shared memory it had to itself."""
     return leftovers.kill

@@ -1,20 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Benches for the closed-loop tests."""
+"""Robots with torque for the closed-loop tests."""
 
 from __future__ import annotations
 
 import pytest
-
-from screw_module_ros.trials.one_thread import Bench
-
-
-@pytest.fixture
-def bench():
-    """Return a robot that is connected, homed, tared and not enabled."""
-    made = Bench()
-    made.ready()
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -26,15 +26,6 @@ from screw_module_ros.nodes.support.states import fill_amplifier, fill_controlle
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.safety.checks import VerticalChecks, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
-from screw_module_ros.trials.one_thread import Bench
-
-
-@pytest.fixture
-def bench():
-    made = Bench()
-    made.ready()
-    yield made
-    made.close()
 
 
 class Noted:

@@ -11,13 +11,9 @@ import time
 
 import pytest
 from click.testing import CliRunner
-from fake_gateway import FakeGateway, Served
+from fake_gateway import TOKENS, FakeGateway, Served, make_server
 from rich.console import Console
 
-from screw_module_ros.bridge.rights import Rights
-from screw_module_ros.bridge.server import Server
-from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
 from screw_module_ros.resources import resource_path
 from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
@@ -50,7 +46,6 @@ from screw_module_ros.trials.bench import (
 )
 
 BIN = BIN_NS * 1e-3  # us
-TOKENS = Tokens("p" * 32, "t" * 32)
 DEADLINE_S = 20.0
 
 
@@ -251,8 +246,7 @@ def test_a_run_that_failed_is_told_and_the_others_count(monkeypatch, tmp_path):
 @pytest.fixture
 def serving():
     robot = FakeGateway()
-    made = Server(Listening(port=0), Limits(), TOKENS, Rights(("/",)), robot, WallClock(), {})
-    with Served(made) as server:
+    with Served(make_server(robot)) as server:
         yield server, robot
 
 
