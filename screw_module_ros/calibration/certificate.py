@@ -18,8 +18,9 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from .. import control, filters
+from ..behaviour import digest
 from ..control.modes import FORCE_GAINS
+from ..control.vertical import initial_state, vertical_step
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, SettingError, fields, problem
 from ..settings_file import read_file, read_text
@@ -190,11 +191,12 @@ def load_certificate(path: str | Path, serial: str) -> Certificate:
 
 @functools.cache
 def law_version() -> str:
-    """Return a digest of the sources of the law: `control`, and the filters it runs on."""
-    digest = hashlib.sha256()
-    for file in sorted([*Path(control.__file__).parent.glob("*.py"), Path(filters.__file__)]):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
+    """Return the version of the vertical law: the digest of what its step reaches.
+
+    What `behaviour.digest` does not see stands in the conditions as far as the linear model depends
+    on it: values of settings, rate and delay of the loop, the encoder's filter.
+    """
+    return digest(vertical_step, initial_state)
 
 
 def text_checksum(text: str) -> str:
