@@ -25,8 +25,8 @@ from .trials import AnalyzerTrial, Samples
 
 NAME = "amplifier_response"
 THESIS = {
-    "pole": Published(1000.0, "4.1.2, fig 4-6", 50.0, given_to_plant=True),
-    "delay": Published(60e-6, "4.1.2, fig 4-6", 5e-6, given_to_plant=True),
+    "pole": Published("amplifier_pole", 50.0, given_to_plant=True),
+    "delay": Published("amplifier_delay", 5e-6, given_to_plant=True),
 }
 _SETTLE_S = 0.01
 _START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)

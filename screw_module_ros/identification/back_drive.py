@@ -46,12 +46,12 @@ from .screw_geometry import (
 
 NAME = "back_drive"
 THESIS = {
-    "forward_loss_plastic": Published(0.30, "D, eqs 4 to 6", 0.05),
-    "forward_loss_roller": Published(0.05, "D", 0.02),
-    "forward_gain": Published(0.40, "D", 0.05),
-    "anisotropy_least": Published(1.23, "D, fig 3", 0.05),
-    "anisotropy_greatest": Published(1.53, "D, fig 3", 0.05),
-    "major_axis_laden": Published(4.0, "D, fig 3", 0.1),
+    "forward_loss_plastic": Published("d_loss_plastic", 0.05),
+    "forward_loss_roller": Published("d_loss_roller", 0.02),
+    "forward_gain": Published("d_gain_roller", 0.05),
+    "anisotropy_least": Published("d_anisotropy", 0.05, part=0),
+    "anisotropy_greatest": Published("d_anisotropy", 0.05, part=1),
+    "major_axis_laden": Published("d_laden_inertia", 0.1),
 }
 _KILOGRAM = 0.011  # m on the page per kg, so that neighbouring ellipses do not meet
 _LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}

@@ -41,11 +41,11 @@ from .screw_geometry import (
 NAME = "component_masses"
 _GEOMETRY = "Table 5.1's screw and appendix A's inertia do not fit one bar of the measured diameter"
 THESIS = {
-    "motor_rotor": Published(2.13, "Table 5.1", 0.02),
-    "screw": Published(3.25, "Table 5.1", 0.7, _GEOMETRY),
-    "sum_computed": Published(6.42, "Table 5.1", 0.7, _GEOMETRY),
-    "measured_below_printed": Published(0.15, "5.3.3", 0.01),
-    "moving_mass": Published(1.0, "5.2.4", 0.2),
+    "motor_rotor": Published("reflected_motor_rotor", 0.02),
+    "screw": Published("reflected_screw", 0.7, _GEOMETRY),
+    "sum_computed": Published("mass_estimated", 0.7, _GEOMETRY),
+    "measured_below_printed": Published("mass_below_estimate", 0.01),
+    "moving_mass": Published("translating_mass_about", 0.2),
 }
 PRINTED = {
     "bearing_carriage": 0.30,

@@ -33,7 +33,9 @@ DELAY_WHY = (
     "the loop in process has the 325 us of Table 3.1; the thesis found 150, 254, 325 and 400 us by "
     "four methods, and states that less than a sample (500 us) cannot be resolved"
 )
-THESIS = {"delay": Published(150e-6, "4.1.2, fig 4-8", 250e-6, DELAY_WHY, given_to_plant=True)}
+THESIS = {
+    "delay": Published("software_delay_current", 250e-6, DELAY_WHY, given_to_plant=True),
+}
 
 
 class Settings(NamedTuple):

@@ -34,11 +34,11 @@ from .trials import Arm, MotionTrial, Samples
 NAME = "force_position"
 # Without compensation the offset is the friction of 5.2, which the plant has been given.
 THESIS = {
-    "offset_pd_100": Published(10.0, "6.1, fig 6-1", 3.0, given_to_plant=True),
-    "offset_pd_1000": Published(10.0, "6.1, fig 6-2", 3.0, given_to_plant=True),
-    "offset_feedback_5": Published(2.0, "6.4.3, fig 6-10", 1.0),
-    "offset_simulated_pd": Published(10.0, "6.4.3, fig 6-12", 3.0, given_to_plant=True),
-    "offset_simulated_feedback_5": Published(2.0, "6.4.3, fig 6-13", 1.0),
+    "offset_pd_100": Published("offset_pd", 3.0, given_to_plant=True),
+    "offset_pd_1000": Published("offset_pd_stiff", 3.0, given_to_plant=True),
+    "offset_feedback_5": Published("offset_feedback", 1.0),
+    "offset_simulated_pd": Published("simulated_reduction", 3.0, given_to_plant=True, part=0),
+    "offset_simulated_feedback_5": Published("simulated_reduction", 1.0, part=1),
 }
 _EVERY = 8  # samples to one point of a curve
 

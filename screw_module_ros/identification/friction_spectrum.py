@@ -18,8 +18,8 @@ from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
 THESIS = {
-    "screw_up": Published(1.05, "5.2.4, fig 5-8", 0.05, given_to_plant=True),
-    "rollers_up": Published(4.2, "5.2.4, fig 5-8", 0.1, given_to_plant=True),
+    "screw_up": Published("screw_peak", 0.05, given_to_plant=True),
+    "rollers_up": Published("roller_peak", 0.1, given_to_plant=True),
 }
 ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))

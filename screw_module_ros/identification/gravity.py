@@ -29,8 +29,8 @@ from .trials import DIRECTIONS, NotPossible, Samples, StageTrial
 
 NAME = "gravity"
 THESIS = {
-    "gravity": Published(10.04, "5.2.4", 0.53, given_to_plant=True),
-    "double_weight": Published(20.075, "5.2.4, fig 5-23", 2.1, given_to_plant=True),
+    "gravity": Published("weight", 0.53, given_to_plant=True),
+    "double_weight": Published("double_weight", 2.1, given_to_plant=True),
 }
 _INNER = (0.2, 0.8)  # of the play: clear of the contacts at both sides
 _FEWEST = 8  # samples that make a plateau

@@ -37,8 +37,8 @@ from .trials import Arm, MotionTrial, Samples
 
 NAME = "inertia"
 THESIS = {
-    "mass": Published(5.49, "5.3.3", 1.72, given_to_plant=True),
-    "mass_thesis": Published(5.49, "5.3.3, fig 5-34", 1.72, given_to_plant=True),
+    "mass": Published("mass", 1.72, given_to_plant=True),
+    "mass_thesis": Published("mass", 1.72, given_to_plant=True),
 }
 _PROJECTED = 2000.0  # the speed factor is extrapolated to this speed [mm/s]
 _REGRESSION_HZ = 100.0  # samples per second in the regression: the signals end at 30 Hz

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from ..settings import SettingError, plain, read
 from ..settings_file import parse
+from ..thesis import fact, figure, unit_of
 
 MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
 """Kinds of a quantity: found from the samples of trials; calculated without one; a printed value
@@ -25,20 +26,36 @@ passed on."""
 
 
 class Published(NamedTuple):
-    """The thesis's figure beside a quantity.
+    """The thesis's figure beside a quantity, named by its key in `params/thesis.yaml`.
 
-    value: in the quantity's unit; where: section or figure; tolerance: largest difference that
-    counts as agreement: the thesis's own scatter if printed, else the reading accuracy of a plot,
-    or the effect of a deliberate difference of the plant; why: explanation of a larger difference;
-    given_to_plant: the value stands in the plant's own file, so that finding it shows that the
-    method works, and nothing about the thesis's module.
+    tolerance: ours, in the quantity's unit, the largest difference that counts as agreement: the
+    thesis's own scatter if printed, else the reading accuracy of a plot, or the effect of a
+    deliberate difference of the plant; why: explanation of a larger difference; given_to_plant: the
+    value stands in the plant's own file, so that finding it shows that the method works, and
+    nothing about the thesis's module; part: which number of a figure that is a list; unit: the
+    quantity's, if the thesis prints another; computed: a value in that unit that is not printed but
+    follows from what is.
     """
 
-    value: float
-    where: str
+    key: str
     tolerance: float
     why: str = ""
     given_to_plant: bool = False
+    part: int | None = None
+    unit: str = ""
+    computed: float | None = None
+
+    @property
+    def value(self) -> float:
+        """The thesis's value in the quantity's unit. Raises SettingError as `thesis.figure`."""
+        if self.computed is not None:
+            return self.computed
+        return figure(self.key, self.part, self.unit)
+
+    @property
+    def where(self) -> str:
+        """Where the thesis has it, and whether its value is computed from what stands there."""
+        return fact(self.key).where + (", computed" if self.computed is not None else "")
 
 
 class Quantity(NamedTuple):
@@ -144,12 +161,15 @@ def _plain(q: Quantity) -> dict[str, Any]:
     if q.kind != MEASURED:
         found["kind"] = q.kind
     if q.thesis:
-        found["thesis"] = q.thesis._asdict()
+        known = {"value": q.thesis.value, "where": q.thesis.where}  # for the reader of the file
+        found["thesis"] = q.thesis._asdict() | known
     return found
 
 
 def _quantity(name: str, content: dict[str, Any]) -> Quantity:
     thesis = content.get("thesis")
+    if thesis:
+        thesis = {name: thesis[name] for name in Published._fields if name in thesis}
     return Quantity(
         name,
         float(content["value"]),
@@ -183,5 +203,14 @@ def load_result(folder: Path, experiment: str) -> Result:
 def beside(
     thesis: Mapping[str, Published], quantities: Iterable[Quantity], kind: str = MEASURED
 ) -> tuple[Quantity, ...]:
-    """Return the quantities with the thesis's figures beside them; kind: of all of them."""
-    return tuple(q._replace(thesis=thesis.get(q.name), kind=kind) for q in quantities)
+    """Return the quantities with the thesis's figures beside them; kind: of all of them.
+
+    Raises SettingError if the figure's unit is not the quantity's.
+    """
+    found = tuple(q._replace(thesis=thesis.get(q.name), kind=kind) for q in quantities)
+    for q in found:
+        if q.thesis and q.thesis.computed is None:
+            unit = q.thesis.unit or fact(q.thesis.key).unit
+            if unit_of(unit) != unit_of(q.unit):
+                raise SettingError(f"{q.name} is in {q.unit or '1'}, {q.thesis.key} in {unit}")
+    return found

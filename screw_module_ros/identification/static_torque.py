@@ -25,9 +25,9 @@ from .trials import Samples, TorqueTrial
 
 NAME = "static_torque"
 THESIS = {
-    "lack": Published(4e-5, "4.1.1, fig 4-4", 1e-4),
-    "dead_zone": Published(0.025, "4.1.1, fig 4-2", 0.005, given_to_plant=True),
-    "torque_constant": Published(0.16, "3.1.6", 0.005, given_to_plant=True),
+    "lack": Published("linearized_correlation", 1e-4, computed=4e-5),
+    "dead_zone": Published("dead_zone", 0.005, given_to_plant=True),
+    "torque_constant": Published("torque_constant", 0.005, given_to_plant=True),
 }
 _ORDER = 4
 _GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]

@@ -52,10 +52,10 @@ from .trials import TorqueTrial
 
 NAME = "torque_response"
 THESIS = {
-    "damping": Published(7.2, "4.1.3, C.3", 0.7, given_to_plant=True),
-    "delay": Published(400e-6, "4.1.3, fig 4-10", 250e-6, DELAY_WHY, given_to_plant=True),
-    "resonance": Published(3600.0, "4.1.3", 50.0),
-    "resonance_seen": Published(400.0, "4.1.3, eq 4.2", 50.0),
+    "damping": Published("rotor_damping", 0.7, given_to_plant=True),
+    "delay": Published("software_delay_torque", 250e-6, DELAY_WHY, given_to_plant=True),
+    "resonance": Published("rotor_resonance", 50.0),
+    "resonance_seen": Published("rotor_resonance_alias", 50.0),
 }
 _FIRST, _SECOND, _THIRD = COLOURS[:3]
 _STARTS = (0.3, 3.0, 10.0)  # initial damping [Nm s/rad]: the misfit can have several minima

@@ -125,7 +125,7 @@ def test_result_comes_back(tmp_path):
     result = Result(
         "weighing",
         (
-            Quantity("gravity", 10.04, 0.1, "N", "weight", thesis=Published(10.0, "5.2", 0.5, "x")),
+            Quantity("gravity", 10.04, 0.1, "N", "weight", thesis=Published("weight", 0.5, "x")),
             Quantity("n", 3.0, float("nan"), "", "n", DERIVED),
         ),
         {"speeds": (0.1, 0.2), "count": np.int64(3)},
