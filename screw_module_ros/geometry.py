@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geometry of the robot: the screw that lifts the handle and the planar arm that carries it.
 
-Screw (thesis 3.1, 5.1): z = L theta / 2 pi, F = 2 pi T / L. Height z is zero at the bottom of
-travel and positive up.
+Screw (thesis 3.1.1; eqs 5.1, 5.2): z = L theta / 2 pi, F = 2 pi T / L. Height z is zero at the
+bottom of travel and positive up.
 
 Plane (thesis 2.3, MIT-MANUS): a five-bar linkage whose two motors stand at the base, so both joint
 angles are absolute: the shoulder turns the upper arm, the elbow motor turns the forearm, each
@@ -17,17 +17,17 @@ from typing import Annotated, NamedTuple
 
 from .settings import Setting
 
-COUNTS_PER_TURN = 20_000
-"""Counts of the motor's encoder per turn (thesis 3.1.8)."""
+COUNTS_PER_TURN = 20_000  # thesis: counts_per_turn
+"""Counts of the motor's encoder per turn."""
 
 
 class Screw(NamedTuple):
-    """The screw (thesis 2.3). Encoder, drive position and torque must all use the same one."""
+    """The screw. Encoder, drive position and torque must all use the same one."""
 
     lead: Annotated[
         float, Setting("travel of the nut per turn; the same in encoder and amplifier", "m",
                        1e-4, 0.1)
-    ] = 0.01905
+    ] = 0.01905  # thesis: lead
 
 
 class PlanarArm(NamedTuple):

@@ -55,8 +55,8 @@ class LinearizationSettings(NamedTuple):
         bool, Setting("compensate the amplifier's dead zone around zero (thesis 4.1.1)")
     ] = True
     linearization_file: Annotated[
-        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
-                     "calibration_file is set")
+        str, Setting("linearization file, empty for a dead zone as wide as the thesis's nonlinear "
+                     "range, 0.025 Nm, or when calibration_file is set")
     ] = ""
 
 

@@ -17,8 +17,8 @@ from ..safety.checks import LARGEST_COMMAND
 from ..samples import sequence_gap
 from .linearization import Line, Linearization, torque_command
 
-LARGEST_TORQUE = 0.42
-"""Largest amplitude: the continuous torque of the motor (thesis 3.1.6) [Nm]."""
+LARGEST_TORQUE = 0.42  # [Nm] thesis: continuous_torque
+"""Largest amplitude: the continuous torque of the motor [Nm]."""
 LARGEST_MOVE = 0.001
 """Limit of a locked rotor's motion, at which the torque goes off [m at the nut]."""
 

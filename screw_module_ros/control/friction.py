@@ -14,12 +14,12 @@ filter), and the power law would turn that into half of the friction. With a ram
 count changes the force by at most 0.18 / 2 x 0.9 x 14.8 N (the mean friction at the top) = 1.2 N.
 Above the ramp the thesis's model is unchanged.
 
-A law feeds the friction forward by position, as presliding goes (`hysteresis`; Dahl 1968; thesis
-6.3.1). A feed-forward that is proportional to the velocity near zero is negative damping: 2 N over
-2 mm/s are 1000 Ns/m, and a handle at rest oscillates. Real friction is a spring while the handle
-barely moves, so the feed-forward is one too. With a stiffness below that of the real presliding,
-the sum of both remains a positive spring and a handle at rest stays at rest. At standstill the
-feed-forward exchanges no energy and needs no velocity.
+The thesis argues that a feed-forward fails at rest (6.3.1). Ours goes by position, as presliding
+does (`hysteresis`; dahl1968). A feed-forward that is proportional to the velocity near zero is
+negative damping: 2 N over 2 mm/s are 1000 Ns/m, and a handle at rest oscillates. Real friction is a
+spring while the handle barely moves, so the feed-forward is one too. With a stiffness below that of
+the real presliding, the sum of both remains a positive spring and a handle at rest stays at rest.
+At standstill the feed-forward exchanges no energy and needs no velocity.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def compare_step(memory: Presliding, found: float, velocity: float, dt: float) -
     """Average found / modelled friction while the nut moves; found [N], velocity [m/s], dt [s].
 
     A model that predicts too much friction adds energy: with that feed-forward the handle
-    oscillates on any spring. For this reason the thesis feeds forward 90 % (6.3.1).
+    oscillates on any spring. The thesis fed forward 90 % (6.4.2) and gives no reason.
     """
     modelled = memory.modelled
     if abs(velocity) < INFORMATIVE_SPEED or abs(modelled) < INFORMATIVE_FORCE:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Guard of the force gains: a damper and less gain while the robot drives what holds the handle.
 
-No force gain is stable against every load on the handle (thesis 6.4.3, 7.1). Two elements watch for
-the oscillation. Both act in proportion, and both are over when their cause is over.
+No force gain is stable against every load on the handle (colgatehogan1988; the thesis leaves it
+open, 6.1, 6.4.3). Two elements watch for the oscillation. Both act in proportion, and both are over
+when their cause is over.
 
 *Passivity* (`Passivity`). Above `RAPID_HZ` the robot shows the hand the resistance
 
@@ -11,7 +12,7 @@ the oscillation. Both act in proportion, and both are over when their cause is o
 beside the impedance asked for: e = Fpd + F, with F the patient's force and Fpd that of spring and
 dampers, v the velocity of the nut, both rapid, < > a mean over `WINDOW`. A hand that trembles
 drives the robot: R is positive. A robot that drives an oscillation gives power to what holds the
-handle: R is negative (passivity observer: Hannaford and Ryu 2002). A set point that moves the hand
+handle: R is negative (passivity observer: hannaford2002). A set point that moves the hand
 gives power too, but by Fpd, which e leaves out. What is missing to `PASSIVE` is `need`. The law
 puts a damper of this size into Fpd, so the need does not fall when it acts, but with the time
 constant `KEPT` once its cause is over. The damper acts through a high pass: one for all speeds

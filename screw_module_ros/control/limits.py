@@ -44,13 +44,13 @@ class CommandLimits(NamedTuple):
 
     command_up: Annotated[
         float, Setting("largest command upward, weight and friction included", "N", 0.0, 150.0)
-    ] = 95.0
+    ] = 95.0  # ours
     command_down: Annotated[
         float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
-    ] = 75.0
+    ] = 75.0  # ours
     command_rate: Annotated[
         float, Setting("fastest change of the command that is followed", "N/s", 10.0, ANY_RATE)
-    ] = 4000.0
+    ] = 4000.0  # ours
 
 
 class TorqueLimits(NamedTuple):
@@ -63,12 +63,14 @@ class TorqueLimits(NamedTuple):
     """
 
     continuous: Annotated[float, Setting("continuous torque", "Nm", 1e-3, 100.0)] = (
-        0.42
+        0.42  # thesis: continuous_torque
     )
-    peak: Annotated[float, Setting("torque that is never exceeded", "Nm", 1e-3, 100.0)] = 0.84
+    peak: Annotated[
+        float, Setting("torque that is never exceeded", "Nm", 1e-3, 100.0)
+    ] = 0.84  # ours: twice the continuous torque
     time_constant: Annotated[
         float, Setting("time constant of the motor's heating", "s", 0.5, 1000.0)
-    ] = 5.0
+    ] = 5.0  # ours
 
 
 # Share of the heat budget over which the limit comes down from peak to continuous torque.

@@ -15,8 +15,9 @@ from ..settings import Setting, validated
 from .limits import TorqueLimits
 
 _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N at the handle
-# [Nm] between torque and command up to the peak torque. The thesis's offset is 0.025 (4.1.1); four
-# times that is 33 N at the handle, which no measured amplifier needs and a patient would feel.
+# [Nm] between torque and command up to the peak torque. Half of the thesis's nonlinear range is
+# 0.025 (4.1.1), read as the torque that is lost; four times that is 33 N at the handle, which no
+# measured amplifier needs and a patient would feel.
 _FARTHEST = 0.1
 # [Nm] on each side of zero. To compensate a dead zone that the amplifier does not have is a relay:
 # with 0.07 on the thesis's amplifier OBSERVER swings by 64 N, whatever the chatter guard does; with

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The minimum-jerk reach from one point to another (Flash and Hogan 1985), normalized.
+"""The minimum-jerk reach from one point to another (flashhogan1985), normalized.
 
 A reach of length L in time T has its largest speed, 1.875 L/T, half way.
 """

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disturbance observer of mode OBSERVER: estimates friction from the nut's motion (thesis 7.1).
+"""Disturbance observer of mode OBSERVER: estimates friction from the nut's motion.
+
+The thesis proposes an observer that uses friction model and interaction force (6.4.4); its form is
+ours.
 
 An extended-state observer round the collocated encoder, with the handle force as a known input
-(natural admittance control in spirit: Newman 1992; Buerger and Hogan 2007). It compares the motion
+(natural admittance control in spirit: newman1992; buergerhogan2007). It compares the motion
 of the nut with that of a mass without friction,
 
     x' = v,   M v' = u(t - tau) + Fp - g - F - d,
@@ -12,7 +15,7 @@ weight, F the modelled friction that is fed forward. The remainder is d: frictio
 an error of the weight, a bias. The law feeds d back to cancel it. No term depends on the sign of
 the velocity, so the observer works through zero speed. Each sample corrects the three estimates
 with a triple pole at exp(-w dt), which fixes the gains for any sample time (the fading memory
-filter of second order; Morrison 1969).
+filter of second order; morrison1969).
 
 The observer gets the command that was sent, after all limits, so a limit causes no windup. An
 obstacle that does not press on the transducer looks like friction, so d is limited. While friction

@@ -27,55 +27,67 @@ class PlanarSettings(NamedTuple):
     stiffness: Annotated[
         float,
         Setting("spring of the impedance, the same in x and y", "N/m", 0.0, 2000.0, live=True),
-    ] = 100.0
+    ] = 100.0  # thesis: usual_spring
     damping: Annotated[float, Setting("damper of the impedance", "Ns/m", 0.0, 200.0, live=True)] = (
-        10.0
+        10.0  # ours
     )
-    force_limit: Annotated[float, Setting("largest force at the handle", "N", 0.0, 150.0)] = 45.0
+    force_limit: Annotated[
+        float, Setting("largest force at the handle", "N", 0.0, 150.0)
+    ] = 45.0  # thesis: d_static_force
     shoulder_torque: Annotated[
         float, Setting("largest torque of the shoulder", "Nm", 0.0, 100.0)
-    ] = 20.0
-    elbow_torque: Annotated[float, Setting("largest torque of the elbow", "Nm", 0.0, 100.0)] = 25.0
-    torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 500.0
+    ] = 20.0  # ours
+    elbow_torque: Annotated[
+        float, Setting("largest torque of the elbow", "Nm", 0.0, 100.0)
+    ] = 25.0  # ours
+    torque_rate: Annotated[
+        float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)
+    ] = 500.0  # ours
     fade_time: Annotated[
         float, Setting("time in which the force fades in after enabling", "s", 0.05, 10.0)
-    ] = 0.5
+    ] = 0.5  # ours
     stiffness_rate: Annotated[
         float, Setting("rate at which the stiffness follows its setting", "N/m/s", 1.0, 1e4)
-    ] = 500.0
+    ] = 500.0  # ours
     damping_rate: Annotated[
         float, Setting("rate at which the damping follows its setting", "N/m", 1.0, 1e3)
-    ] = 50.0
+    ] = 50.0  # ours
     force_gain: Annotated[
         float,
         Setting("gain k of the force feedback; it leaves a mass / (1 + k)", "", 0.0, 30.0,
                 live=True),
-    ] = 0.0
+    ] = 0.0  # ours
     force_cutoff: Annotated[
         float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
-    ] = 7.0
-    feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 45.0
+    ] = 7.0  # ours
+    feedback_limit: Annotated[
+        float, Setting("largest force feedback", "N", 0.0, 150.0)
+    ] = 45.0  # ours: as force_limit
     gain_rate: Annotated[
         float, Setting("rate at which the force gain follows its setting", "1/s", 0.1, 100.0)
-    ] = 20.0
+    ] = 20.0  # ours
     chatter_limit: Annotated[
         float,
         Setting("rms of rapid handle force beyond which the force gain goes down", "N", 0.2, 50.0),
-    ] = 0.8
+    ] = 0.8  # ours
     chatter_damping: Annotated[
         float, Setting("largest damper of the guard of the force gain", "Ns/m", 0.0, 200.0)
-    ] = 120.0
+    ] = 120.0  # ours
     mass: Annotated[
         float, Setting("moved with the handle, of module and arm", "kg", 0.5, 30.0)
-    ] = 6.5
-    half_width: Annotated[float, Setting("half of the workspace in x", "m", 0.02, 0.5)] = 0.1905
-    half_depth: Annotated[float, Setting("half of the workspace in y", "m", 0.02, 0.5)] = 0.2286
+    ] = 6.5  # ours
+    half_width: Annotated[
+        float, Setting("half of the workspace in x", "m", 0.02, 0.5)
+    ] = 0.1905  # thesis: workspace_width / 2
+    half_depth: Annotated[
+        float, Setting("half of the workspace in y", "m", 0.02, 0.5)
+    ] = 0.2286  # thesis: workspace_depth / 2
     box_zone: Annotated[
         float, Setting("length of the soft stop inside each edge", "m", 0.001, 0.1)
-    ] = 0.015
+    ] = 0.015  # ours
     box_stiffness: Annotated[
         float, Setting("spring of the soft stops at the edges", "N/m", 0.0, 1e4)
-    ] = 1000.0
+    ] = 1000.0  # ours
     shoulder_low: Annotated[float, Setting("smallest shoulder angle", "rad", -3.2, 3.2)] = -0.3
     shoulder_high: Annotated[float, Setting("largest shoulder angle", "rad", -3.2, 3.2)] = 1.75
     elbow_low: Annotated[float, Setting("smallest elbow angle", "rad", -3.2, 6.4)] = 1.35
@@ -88,30 +100,30 @@ class PlanarSettings(NamedTuple):
     ] = 2.4
     joint_zone: Annotated[
         float, Setting("length of the soft stop inside each joint limit", "rad", 0.01, 0.5)
-    ] = 0.1
+    ] = 0.1  # ours
     joint_stiffness: Annotated[
         float, Setting("spring of the joints' soft stops", "Nm/rad", 0.0, 1e4)
-    ] = 100.0
+    ] = 100.0  # ours
     speed_limit: Annotated[
         float, Setting("speed above which the force no longer drives", "m/s", 0.05, 3.0)
-    ] = 1.0
+    ] = 1.0  # ours
     speed_band: Annotated[
         float, Setting("range over which the driving force fades", "m/s", 0.01, 1.0)
-    ] = 0.3
+    ] = 0.3  # ours
     speed_damping: Annotated[
         float, Setting("damper on the speed above the limit", "Ns/m", 0.0, 200.0)
-    ] = 100.0
+    ] = 100.0  # ours
     edge_braking: Annotated[
         float,
         Setting("deceleration with which a hand must still come to rest at an edge: the speed "
                 "limit falls with the way left", "m/s^2", 0.5, 1000.0),
-    ] = 3.0
+    ] = 3.0  # ours
     setpoint_speed: Annotated[
         float, Setting("fastest motion of the set point along an axis", "m/s", 0.01, 3.0)
-    ] = 0.6
+    ] = 0.6  # ours
     setpoint_acceleration: Annotated[
         float, Setting("fastest change of the set point's velocity", "m/s^2", 0.1, 100.0)
-    ] = 10.0
+    ] = 10.0  # ours
     arm: PlanarArm = MANUS
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slot: assistance as needed along the line to a target (Krebs et al. 2003).
+"""The slot: assistance as needed along the line to a target (krebs2003).
 
 ::
 
@@ -43,40 +43,52 @@ class SlotLimits(NamedTuple):
     The force is the smallest that the thesis requires of an endpoint (2.1.1); the rest is ours.
     """
 
-    force: Annotated[float, Setting("largest force of a slot", "N", 0.0, 65.0)] = 45.0
-    stiffness: Annotated[float, Setting("stiffest wall of a slot", "N/m", 0.0, 2000.0)] = 800.0
-    damping: Annotated[float, Setting("largest damping of a slot", "Ns/m", 0.0, 100.0)] = 30.0
+    force: Annotated[
+        float, Setting("largest force of a slot", "N", 0.0, 65.0)
+    ] = 45.0  # thesis: d_static_force
+    stiffness: Annotated[
+        float, Setting("stiffest wall of a slot", "N/m", 0.0, 2000.0)
+    ] = 800.0  # ours
+    damping: Annotated[
+        float, Setting("largest damping of a slot", "Ns/m", 0.0, 100.0)
+    ] = 30.0  # ours
     fade_time: Annotated[
         float, Setting("time in which a slot and its back wall fade in and out", "s", 0.05, 5.0)
-    ] = 0.2
+    ] = 0.2  # ours
 
 
 class Slot(NamedTuple):
     """One slot.
 
     The default duration and damping are those of the clock game of this family of robots. The
-    stiffness is MANUS's usual 100 N/m (thesis 3.3). Widths and growth are ours.
+    stiffness is MANUS's usual 100 N/m (thesis 6.1). Widths and growth are ours.
     """
 
-    start_x: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0
-    start_y: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0
-    target_x: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
-    target_y: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
-    duration: Annotated[float, Setting("duration of the reach", "s", 0.1, 30.0)] = 1.4
-    back_stiffness: Annotated[float, Setting("spring of the back wall", "N/m", 0.0, 2000.0)] = 100.0
+    start_x: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0  # ours
+    start_y: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0  # ours
+    target_x: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0  # ours
+    target_y: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0  # ours
+    duration: Annotated[
+        float, Setting("duration of the reach", "s", 0.1, 30.0)
+    ] = 1.4  # public program: imtclock
+    back_stiffness: Annotated[
+        float, Setting("spring of the back wall", "N/m", 0.0, 2000.0)
+    ] = 100.0  # thesis: usual_spring
     side_stiffness: Annotated[
         float, Setting("spring of side walls and front wall", "N/m", 0.0, 2000.0)
-    ] = 100.0
-    damping: Annotated[float, Setting("damper in the whole slot", "Ns/m", 0.0, 100.0)] = 5.0
+    ] = 100.0  # ours: as back_stiffness
+    damping: Annotated[
+        float, Setting("damper in the whole slot", "Ns/m", 0.0, 100.0)
+    ] = 5.0  # public program: imtclock
     half_width: Annotated[
         float, Setting("distance from the line to a side wall at the start", "m", 0.0, 0.5)
-    ] = 0.01
+    ] = 0.01  # ours: the hit radius
     end_half_width: Annotated[
         float, Setting("distance to a side wall at the end, and to the front wall", "m", 0.0, 0.5)
-    ] = 0.002
+    ] = 0.002  # ours
     growth: Annotated[
         float, Setting("rate at which the back wall stiffens over time", "N/m/s", 0.0, 500.0)
-    ] = 20.0
+    ] = 20.0  # ours
 
     def validated(self) -> Slot:
         """Return self when every field is in its range and the half width does not grow.

@@ -3,7 +3,7 @@
 
 ::
 
-    force -> 4000 N/s -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (5.2)
+    force -> 4000 N/s -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (eq 5.2)
           -> I2t and peak (3.1.6) -> linearization (4.1.1) -> whole per mille of rated (6071)
 
 Nodes, closed-loop tests, the compiled in-process loop and tests of the wire protocol call it. The
@@ -35,7 +35,7 @@ class TorqueChain(NamedTuple):
     limits: TorqueLimits = TorqueLimits()
     screw: Screw = SCREW
     linearization: Linearization = IDENTITY
-    rated_torque: float = 0.42
+    rated_torque: float = 0.42  # [Nm] thesis: continuous_torque
 
 
 class Commanded(NamedTuple):

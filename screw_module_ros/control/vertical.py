@@ -257,7 +257,7 @@ def _fade(p: VerticalSettings, s: VerticalState, mode: int, dt: float) -> None:
 def _fed_forward(
     p: VerticalSettings, model: FrictionModel, s: VerticalState, inp: VerticalInput
 ) -> float:
-    """Return the modelled friction that is fed forward [N] (thesis 6.3)."""
+    """Return the modelled friction that is fed forward [N] (thesis 6.4.2)."""
     travelled = inp.position - s.position
     stiffness = p.friction_stiffness
     presliding_step(s.presliding, model, stiffness, inp.position, inp.velocity, travelled)

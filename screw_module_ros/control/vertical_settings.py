@@ -24,102 +24,104 @@ class VerticalSettings(NamedTuple):
 
     stiffness: Annotated[
         float, Setting("spring of the impedance", "N/m", 0.0, 5000.0, live=True)
-    ] = 100.0
+    ] = 100.0  # thesis: usual_spring
     damping: Annotated[
         float, Setting("damper of the impedance, negative assists", "Ns/m", -50.0, 500.0, live=True)
-    ] = 0.0
+    ] = 0.0  # ours
     force_gain: Annotated[
         float, Setting("gain Kf of the force feedback", "", 0.0, 50.0, live=True)
-    ] = 5.0
+    ] = 5.0  # thesis: force_gain
     friction_fraction: Annotated[
         float, Setting("share of the modelled friction that is fed forward", "", 0.0, 1.0)
-    ] = 0.9
+    ] = 0.9  # thesis: feedforward_share
     gravity: Annotated[
         float, Setting("force that carries the moving parts' weight", "N", -50.0, 50.0, live=True)
-    ] = 10.0
+    ] = 10.0  # thesis: gravity_compensation
     force_cutoff: Annotated[
         float, Setting("cut-off of the handle force's filter", "Hz", 1.0, 400.0)
-    ] = 30.0
+    ] = 30.0  # thesis: force_cutoff
     friction_stiffness: Annotated[
         float,
         Setting("spring of the modelled friction at a reversal, softer than the module's", "N/m",
                 1e3, 1e6),
-    ] = 1e5
+    ] = 1e5  # ours
     friction_limit: Annotated[float, Setting("largest friction feed-forward", "N", 0.0, 60.0)] = (
-        25.0
+        25.0  # ours
     )
-    feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 60.0
+    feedback_limit: Annotated[
+        float, Setting("largest force feedback", "N", 0.0, 150.0)
+    ] = 60.0  # ours
     mass: Annotated[
         float, Setting("moving mass, without a hand", "kg", 0.5, 50.0, live=True)
-    ] = 5.5
+    ] = 5.5  # thesis: simulated_mass
     observer_gain: Annotated[
         float, Setting("force gain k of OBSERVER; it leaves mass / (1 + k)", "", 0.0, 30.0)
-    ] = 9.0
+    ] = 9.0  # ours
     observer_cutoff: Annotated[
         float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
-    ] = 9.0
+    ] = 9.0  # ours
     observer_bandwidth: Annotated[
         float, Setting("triple pole of the disturbance observer", "rad/s", 20.0, 1000.0)
-    ] = 300.0
+    ] = 300.0  # ours
     observer_delay: Annotated[
         float,
         Setting("delay from a sample to its force at the nut, amplifier included", "s", 0.0, 5e-3),
-    ] = 1.4e-3
+    ] = 1.4e-3  # ours
     observer_limit: Annotated[float, Setting("largest disturbance estimated", "N", 0.0, 60.0)] = (
-        35.0
+        35.0  # ours
     )
     observer_rest: Annotated[
         float,
         Setting("force error tolerated at rest, so that the handle does not hunt", "N",
                 0.0, 5.0),
-    ] = 0.5
+    ] = 0.5  # ours
     observer_friction: Annotated[
         float,
         Setting("share of modelled friction fed forward in OBSERVER", "",
                 0.0, 1.0, live=True),
-    ] = 0.0
+    ] = 0.0  # ours
     observer_inertia: Annotated[
         float,
         Setting("share of the mass left in OBSERVER that is carried too, for a mass that is known",
                 "", 0.0, 0.7, live=True),
-    ] = 0.0
+    ] = 0.0  # ours
     observer_damping_ratio: Annotated[
         float,
         Setting("least damping ratio of a released handle in OBSERVER, 0 = none", "", 0.0, 1.0),
-    ] = 0.25
+    ] = 0.25  # ours
     chatter_limit: Annotated[
         float,
         Setting("rms of rapid handle force beyond which force gains go down", "N", 0.2, 50.0),
-    ] = 1.2
+    ] = 1.2  # ours
     chatter_damping: Annotated[
         float, Setting("largest damper of the guard of the force gains", "Ns/m", 0.0, 200.0)
-    ] = 120.0
+    ] = 120.0  # ours
     standing_force: Annotated[
         float,
         Setting("force on a nut that stands, the hand's included, beyond which nothing helps it",
                 "N", 0.0, 150.0),
-    ] = 22.0
+    ] = 22.0  # ours
     fade_time: Annotated[
         float, Setting("time in which a part of the force fades in or out", "s", 0.05, 10.0)
-    ] = 0.5
+    ] = 0.5  # ours
     stiffness_rate: Annotated[
         float, Setting("rate at which the stiffness follows its setting", "N/m/s", 1.0, 1e4)
-    ] = 500.0
+    ] = 500.0  # ours
     damping_rate: Annotated[
         float, Setting("rate at which the damping follows its setting", "N/m", 1.0, 1e3)
-    ] = 50.0
+    ] = 50.0  # ours
     gain_rate: Annotated[
         float, Setting("rate at which the force gain follows its setting", "1/s", 0.1, 100.0)
-    ] = 2.5
+    ] = 2.5  # ours
     gravity_rate: Annotated[
         float, Setting("rate at which the carried weight follows its setting", "N/s", 1.0, 1e3)
-    ] = 20.0
+    ] = 20.0  # ours
     force_up: Annotated[
         float, Setting("largest force of spring and damper on the hand, upward", "N", 0.0, 150.0)
-    ] = 65.0
+    ] = 65.0  # thesis: force_up
     force_down: Annotated[
         float, Setting("largest force of spring and damper on the hand, downward", "N", 0.0, 150.0)
-    ] = 45.0
+    ] = 45.0  # thesis: force_down
     command_up: Annotated[
         float, Setting("largest command upward, weight and friction included", "N", 0.0, 150.0)
     ] = _COMMAND.command_up
@@ -127,31 +129,33 @@ class VerticalSettings(NamedTuple):
         float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
     ] = _COMMAND.command_down
     force_rate: Annotated[float, Setting("fastest change of the command", "N/s", 10.0, 1e5)] = (
-        2000.0
+        2000.0  # ours
     )
-    travel_low: Annotated[float, Setting("bottom of travel", "m", -1.0, 1.0)] = 0.0
-    travel_high: Annotated[float, Setting("top of travel", "m", -1.0, 1.0)] = 0.36
+    travel_low: Annotated[
+        float, Setting("bottom of travel", "m", -1.0, 1.0)
+    ] = 0.0  # ours: the origin of z
+    travel_high: Annotated[float, Setting("top of travel", "m", -1.0, 1.0)] = 0.36  # thesis: travel
     soft_stop_zone: Annotated[
         float, Setting("length of the soft stop at each end", "m", 0.001, 0.1)
-    ] = 0.01
+    ] = 0.01  # ours
     soft_stop_stiffness: Annotated[float, Setting("spring of the soft stops", "N/m", 0.0, 1e4)] = (
-        2000.0
+        2000.0  # ours
     )
     speed_limit: Annotated[
         float, Setting("speed above which the force no longer drives", "m/s", 0.05, 2.0)
-    ] = 0.8
+    ] = 0.8  # ours
     speed_band: Annotated[
         float, Setting("range over which the driving force fades", "m/s", 0.01, 1.0)
-    ] = 0.2
+    ] = 0.2  # ours
     speed_damping: Annotated[
         float, Setting("damper on the speed above the limit", "Ns/m", 0.0, 200.0)
-    ] = 50.0
+    ] = 50.0  # ours
     setpoint_speed: Annotated[
         float, Setting("fastest motion of the set point", "m/s", 0.01, 2.0)
-    ] = 0.4
+    ] = 0.4  # ours
     setpoint_acceleration: Annotated[
         float, Setting("fastest change of the set point's velocity", "m/s^2", 0.1, 100.0)
-    ] = 5.0
+    ] = 5.0  # ours
 
     def validated(self) -> VerticalSettings:
         """Return self when every field is in its range.

@@ -35,10 +35,16 @@ _START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
 class Settings(NamedTuple):
     """The swept sine."""
 
-    low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
-    high: Annotated[float, Setting("highest frequency", "Hz", 10.0, 5e4)] = 10_000.0
+    low: Annotated[
+        float, Setting("lowest frequency", "Hz", 0.1, 1000.0)
+    ] = 1.0  # thesis: analyser_sweep[0]
+    high: Annotated[
+        float, Setting("highest frequency", "Hz", 10.0, 5e4)
+    ] = 10_000.0  # thesis: analyser_sweep[1]
     per_decade: Annotated[int, Setting("frequencies per decade", "", 2, 200)] = 40
-    amplitude: Annotated[float, Setting("amplitude of the command", "A", 0.1, 10.0)] = 2.2
+    amplitude: Annotated[
+        float, Setting("amplitude of the command", "A", 0.1, 10.0)
+    ] = 2.2  # thesis: sweep_current
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 2
     shortest: Annotated[float, Setting("least duration of each sine", "s", 0.005, 10.0)] = 0.04
 

@@ -58,7 +58,10 @@ _LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 LEVEL = 1.0
 """The bandwidth ends where |speed of the load / torque| falls below this [rad/s per Nm]."""
 _SEARCHED = np.geomspace(2.0 * math.pi * 0.01, 2.0 * math.pi * 1e4, 3000)  # [rad/s]
-_RESONANCE, _UNDAMPED, _TENTH, _WHOLE = 3.0, 10.6, 0.446, 40.0
+_RESONANCE = 3.0  # [Hz] thesis: d_belt_resonance
+_UNDAMPED = 10.6  # [Hz] thesis: d_belt_bandwidth_undamped
+_TENTH = 0.446  # thesis: d_belt_factor_tenth
+_WHOLE = 40.0  # [Hz] thesis: d_belt_bandwidth
 """Printed results that choose the belt: resonance [Hz], bandwidth undamped [Hz], damping factor at
 a tenth of the belt's damping, bandwidth of the whole drive [Hz]."""
 
@@ -93,11 +96,21 @@ class Settings(NamedTuple):
     flank_angle: Annotated[
         float, Setting("of the thread, in a plane through the axis", "rad", 0.0, 1.2)
     ] = FLANK_ANGLE
-    plastic: Annotated[float, Setting("friction of a plastic screw", "", 0.0, 1.0)] = 0.15
-    roller: Annotated[float, Setting("friction of a roller screw", "", 0.0, 1.0)] = 0.015
-    module_mass: Annotated[float, Setting("of the vertical module", "kg", 0.0, 50.0)] = 2.7
-    half_width: Annotated[float, Setting("half the workspace in x", "m", 0.01, 0.5)] = 0.1905
-    half_depth: Annotated[float, Setting("half the workspace in y", "m", 0.01, 0.5)] = 0.2286
+    plastic: Annotated[
+        float, Setting("friction of a plastic screw", "", 0.0, 1.0)
+    ] = 0.15  # thesis: d_mu_plastic
+    roller: Annotated[
+        float, Setting("friction of a roller screw", "", 0.0, 1.0)
+    ] = 0.015  # thesis: d_mu_roller
+    module_mass: Annotated[
+        float, Setting("of the vertical module", "kg", 0.0, 50.0)
+    ] = 2.7  # thesis: d_module_mass
+    half_width: Annotated[
+        float, Setting("half the workspace in x", "m", 0.01, 0.5)
+    ] = 0.1905  # thesis: workspace_width / 2
+    half_depth: Annotated[
+        float, Setting("half the workspace in y", "m", 0.01, 0.5)
+    ] = 0.2286  # thesis: workspace_depth / 2
     heaviest: Annotated[
         float, Setting("largest inertia allowed in the plane", "kg", 0.1, 100.0)
     ] = 4.0

@@ -72,17 +72,23 @@ _BRAKING_S = 0.05  # of a stage, beyond its way at constant speed
 class LoopSettings(NamedTuple):
     """The sampled loop and the electronics around the module."""
 
-    rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 2000.0
+    rate: Annotated[
+        float, Setting("samples per second", "Hz", 50.0, 10_000.0)
+    ] = 2000.0  # thesis: rate
     command_delay: Annotated[
-        float, Setting("from a sample to its command (Table 3.1)", "s", 0.0, 0.02)
-    ] = 325e-6
-    rated_torque: Annotated[float, Setting("of the drive, object 6076", "Nm", 0.01, 10.0)] = 0.42
+        float, Setting("from a sample to its command", "s", 0.0, 0.02)
+    ] = 325e-6  # thesis: table31_output; 4.1.4 advises a designer to assume 500 us
+    rated_torque: Annotated[
+        float, Setting("of the drive, object 6076", "Nm", 0.01, 10.0)
+    ] = 0.42  # thesis: continuous_torque
     torque_constant: Annotated[
         float, Setting("of the motor, from its data sheet", "Nm/A", 0.01, 10.0)
-    ] = 0.16
+    ] = 0.16  # thesis: torque_constant
     command_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 95.0
     command_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 75.0
-    cutoff: Annotated[float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)] = 30.0
+    cutoff: Annotated[
+        float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)
+    ] = 30.0  # thesis: velocity_cutoff
     force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
     torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
 

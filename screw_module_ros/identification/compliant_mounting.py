@@ -38,8 +38,8 @@ THESIS = {
         "sqrt((k1 + k3) / Mtop) of the printed values is 1936 rad/s: probably a misprint of 2000",
     ),
 }  # fmt: skip
-_FASTEST = 1.0  # m/s, the module's highest speed (thesis A.1.1)
-_PRINTED_DIP = 200.0  # rad/s (thesis A.4)
+_FASTEST = 1.0  # [m/s] thesis: fastest
+_PRINTED_DIP = 200.0  # [rad/s] thesis: case3_dip
 _LIMIT: dict[str, Any] = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}
 _CANDIDATES = {
     "grooved": "15.9 mm, grooved",
@@ -59,20 +59,36 @@ class Settings(NamedTuple):
     density: Annotated[float, Setting("of the screw", "kg/m^3", 500.0, 20000.0)] = (
         screw_geometry.STEEL
     )
-    top_mass: Annotated[float, Setting("motor and flange", "kg", 0.01, 100.0)] = 1.60
+    top_mass: Annotated[
+        float, Setting("motor and flange", "kg", 0.01, 100.0)
+    ] = 1.60  # thesis: case1_top_mass
     top_distance: Annotated[
         float, Setting("their centre of mass from the screw's", "m", 0.0, 2.0)
-    ] = 0.344
-    travel: Annotated[float, Setting("of the nut, about the centre", "m", 0.01, 2.0)] = 0.36
-    case1_top: Annotated[float, Setting("k1 of case 1", "N/m", 1e2, 1e12)] = 4e7
-    case1_bottom: Annotated[float, Setting("k2 of case 1", "N/m", 1e2, 1e12)] = 5e6
-    case2_top: Annotated[float, Setting("k1 of case 2", "N/m", 1e2, 1e12)] = 2e6
-    case2_bottom: Annotated[float, Setting("k2 of case 2", "N/m", 1e2, 1e12)] = 2e6
-    case3_top: Annotated[float, Setting("k1 of case 3", "N/m", 1e2, 1e12)] = 3e6
-    case3_bottom: Annotated[float, Setting("k2 of case 3", "N/m", 1e2, 1e12)] = 3e6
-    case3_ground: Annotated[float, Setting("k3 of case 3", "N/m", 1e2, 1e12)] = 3e6
-    case3_nut: Annotated[float, Setting("z of case 3", "m", -1.0, 1.0)] = 0.0
-    wanted: Annotated[float, Setting("required natural frequency", "Hz", 1.0, 1e5)] = 500.0
+    ] = 0.344  # thesis: case1_top_distance
+    travel: Annotated[
+        float, Setting("of the nut, about the centre", "m", 0.01, 2.0)
+    ] = 0.36  # thesis: travel
+    case1_top: Annotated[float, Setting("k1 of case 1", "N/m", 1e2, 1e12)] = 4e7  # thesis: case1_k1
+    case1_bottom: Annotated[
+        float, Setting("k2 of case 1", "N/m", 1e2, 1e12)
+    ] = 5e6  # thesis: case1_k2
+    case2_top: Annotated[float, Setting("k1 of case 2", "N/m", 1e2, 1e12)] = 2e6  # thesis: case2_k
+    case2_bottom: Annotated[
+        float, Setting("k2 of case 2", "N/m", 1e2, 1e12)
+    ] = 2e6  # thesis: case2_k
+    case3_top: Annotated[float, Setting("k1 of case 3", "N/m", 1e2, 1e12)] = 3e6  # thesis: case3_k
+    case3_bottom: Annotated[
+        float, Setting("k2 of case 3", "N/m", 1e2, 1e12)
+    ] = 3e6  # thesis: case3_k
+    case3_ground: Annotated[
+        float, Setting("k3 of case 3", "N/m", 1e2, 1e12)
+    ] = 3e6  # thesis: case3_k
+    case3_nut: Annotated[
+        float, Setting("z of case 3", "m", -1.0, 1.0)
+    ] = 0.0  # ours: at the centre, as in A.4
+    wanted: Annotated[
+        float, Setting("required natural frequency", "Hz", 1.0, 1e5)
+    ] = 500.0  # thesis: least_natural_frequency
 
 
 Profile = tuple[np.ndarray, np.ndarray]

@@ -13,6 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..settings import Setting
+from ..thesis import figure
 from .lab import Lab
 from .results import (
     DERIVED,
@@ -48,13 +49,13 @@ THESIS = {
     "moving_mass": Published("translating_mass_about", 0.2),
 }
 PRINTED = {
-    "bearing_carriage": 0.30,
-    "nut": 0.29,
-    "mounting_bracket": 0.18,
-    "force_transducer": 0.05,
-    "motor_rotor": 2.13,
+    "bearing_carriage": figure("mass_bearing_carriage"),
+    "nut": figure("mass_nut"),
+    "mounting_bracket": figure("mass_mounting_bracket"),
+    "force_transducer": figure("mass_force_transducer"),
+    "motor_rotor": figure("reflected_motor_rotor"),
     "screw": REFLECTED,
-    "coupling": 0.22,
+    "coupling": figure("reflected_coupling"),
 }
 """Table 5.1 [kg], in its order."""
 TRANSLATING = ("bearing_carriage", "nut", "mounting_bracket", "force_transducer")
@@ -68,16 +69,26 @@ class Settings(NamedTuple):
     """Data of the computed components, and measured values for comparison with the sums."""
 
     lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 0.1)] = LEAD
-    rotor_inertia: Annotated[float, Setting("of the motor", "kg m^2", 1e-8, 1e-2)] = 1.96e-5
+    rotor_inertia: Annotated[
+        float, Setting("of the motor", "kg m^2", 1e-8, 1e-2)
+    ] = 1.96e-5  # thesis: rotor_inertia
     screw: Annotated[str, Setting("candidate for the screw", choices=NAMES)] = GROOVED
     inertia_across: Annotated[
         float, Setting("screw, across its axis, about its centre", "kg m^2", 1e-5, 10.0)
     ] = INERTIA_ACROSS
     density: Annotated[float, Setting("of the screw", "kg/m^3", 500.0, 20000.0)] = STEEL
-    measured: Annotated[float, Setting("mass measured in 5.3.3", "kg", 0.0, 1e3)] = 5.49
-    measured_sd: Annotated[float, Setting("its standard deviation", "kg", 0.0, 1e3)] = 1.72
-    weight: Annotated[float, Setting("gravity measured in 5.2.4", "N", 0.0, 1e4)] = 10.04
-    weight_sd: Annotated[float, Setting("its standard deviation", "N", 0.0, 1e4)] = 0.53
+    measured: Annotated[
+        float, Setting("mass measured in 5.3.3", "kg", 0.0, 1e3)
+    ] = 5.49  # thesis: mass
+    measured_sd: Annotated[
+        float, Setting("its standard deviation", "kg", 0.0, 1e3)
+    ] = 1.72  # thesis: mass_sd
+    weight: Annotated[
+        float, Setting("gravity measured in 5.2.4", "N", 0.0, 1e4)
+    ] = 10.04  # thesis: weight
+    weight_sd: Annotated[
+        float, Setting("its standard deviation", "N", 0.0, 1e4)
+    ] = 0.53  # ours: half of double_weight_sd
 
 
 def run(lab: Lab, settings: Settings) -> Result:

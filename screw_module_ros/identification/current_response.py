@@ -41,22 +41,26 @@ THESIS = {
 class Settings(NamedTuple):
     """The swept sine, and assumed parameters."""
 
-    low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
-    high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
+    low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0  # thesis: sweep[0]
+    high: Annotated[
+        float, Setting("highest frequency", "Hz", 1.0, 1000.0)
+    ] = 200.0  # thesis: sweep[1]
     count: Annotated[
         int, Setting("frequencies, evenly on a log scale", "", 4, 400)
     ] = 40  # type: ignore[assignment]  # hides the tuple's method
-    amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
+    amplitude: Annotated[
+        float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)
+    ] = 0.352  # ours: sweep_current times torque_constant
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     torque_constant: Annotated[
         float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
-    ] = 0.16
+    ] = 0.16  # thesis: torque_constant
     pole: Annotated[
         float, Setting("pole of the amplifier, if not measured", "Hz", 10.0, 1e5)
-    ] = 1000.0
+    ] = 1000.0  # thesis: amplifier_pole
     delay: Annotated[
         float, Setting("delay of the amplifier, if not measured", "s", 0.0, 1e-3)
-    ] = 60e-6
+    ] = 60e-6  # thesis: amplifier_delay
 
 
 def run(lab: Lab, settings: Settings) -> Result:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delivered impedance at the handle in each mode, and the module's certificate (thesis 7.1).
+"""Delivered impedance at the handle in each mode, and the module's certificate (a tool as
+7.1 asks for one; ours).
 
 A firm hand moves the handle in sines of 0.5 to 30 Hz. The ratio of its force to the handle's
 velocity is the impedance Z(jw) = B + j (w M - K / w), with friction as its first harmonic. On a

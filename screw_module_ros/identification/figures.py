@@ -25,7 +25,7 @@ __all__ = [
     "save",
 ]  # fmt: skip
 CREDIT = "S. P. Buerger, MIT 2001"
-THESIS_RATE = 2000.0  # samples per second of the thesis [1/s]
+THESIS_RATE = 2000.0  # [Hz] thesis: rate
 _MOST_POINTS = 6000
 _ARROWS = (0.15, 0.4, 0.65, 0.9)
 _LINES = ((COLOURS[2], "-"), (DESIRED, "--"), (COLOURS[3], "-."))

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-MOTION_THRESHOLD = 0.020
-"""Below this speed the handle counts as at rest [m/s] (the thesis's limit in 5.3)."""
+MOTION_THRESHOLD = 0.020  # [m/s] thesis: inertia_least_speed
+"""Below this speed the handle counts as at rest [m/s]."""
 RAPID = 30.0  # [Hz] above it: chatter
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
 SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation

@@ -238,7 +238,7 @@ _MODES = {
     "feed_forward": modes.FRICTION_COMPENSATION,
     "combined": modes.COMBINED,
 }
-_STIFFNESS = 100.0  # [N/m], thesis 6.1
+_STIFFNESS = 100.0  # [N/m] thesis: usual_spring
 
 
 class CompensationSettings(NamedTuple):

@@ -34,8 +34,8 @@ THESIS = {
     "stribeck_up": Published("stribeck_speed", 0.007, given_to_plant=True),
     "viscous_5_10_up": Published("viscous_by_eye", 8.0, _BY_EYE, given_to_plant=True),
 }
-# The thesis names 0.5, 5, 10, 20, 25, 40, 50 and 150 mm/s; the other six are ours. Its model has
-# its knee at 2.5 mm/s.
+# The thesis has 14 speeds and names 0.5, 5, 20, 25, 40, 50 and 150 mm/s; the other seven are ours.
+# Its model has its knee at 2.5 mm/s.
 SPEEDS = (
     0.0005, 0.001, 0.0025, 0.005, 0.010, 0.015, 0.020,
     0.025, 0.040, 0.050, 0.075, 0.100, 0.125, 0.150,
@@ -47,10 +47,10 @@ HEIGHT = "height of the nut on the screw z [mm]"
 FORCE = "force of the stage on the robot [N]"
 MAGNITUDE = "force downward [N]"
 SPEED = "speed [mm/s]"
-_DOUBLE_WEIGHT = 20.0  # [N], the shift of the thesis's figures
+_DOUBLE_WEIGHT = 20.0  # [N] thesis: gravity_about x 2; the shift of the figures
 _TICKS = (0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 150.0)
 _SLOW = 0.05  # fastest of fig 5-13 [m/s]
-_COMPARED = 0.005  # speed of the upside-down figures [m/s]
+_COMPARED = 0.005  # [m/s] thesis: inverted_speed
 
 
 class Settings(NamedTuple):

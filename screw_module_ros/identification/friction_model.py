@@ -9,7 +9,7 @@ over the range of heights instead of powers of millimetres, and a speed factor t
 A grid search finds phase and flip of the ripple on the means over the speeds, as in the thesis.
 Then all cells of both directions are fitted together. Trend and ripple are linear parameters and
 are solved for exactly in each step; the optimiser varies only the phase and the speed factors
-(variable projection: Golub and Pereyra 1973).
+(variable projection: golub1973).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ THESIS = {
     "phase": Published("ripple_phase", 0.1, given_to_plant=True),
     "flip_down": Published("down_flip", 0.005, given_to_plant=True, unit="m"),
 }
-WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
+WITHIN = 2.0  # [N] thesis: model_residual
 TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
 REFERENCE = 40.0  # speed with a speed factor of one in a fit [mm/s]
 NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml

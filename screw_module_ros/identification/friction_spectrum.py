@@ -21,7 +21,7 @@ THESIS = {
     "screw_up": Published("screw_peak", 0.05, given_to_plant=True),
     "rollers_up": Published("roller_peak", 0.1, given_to_plant=True),
 }
-ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
+ROLLERS = 4.0  # ours: turns of a roller per turn of the screw, 14.2875 / 3.5 mm rounded
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
 _LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
 _HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
@@ -33,7 +33,9 @@ _FAR = 500.0  # where fig 5-7 ends [Hz]
 class Settings(NamedTuple):
     """Speed and range of the run."""
 
-    speed: Annotated[float, Setting("of the stage", "m/s", 1e-3, 0.15)] = 0.020
+    speed: Annotated[
+        float, Setting("of the stage", "m/s", 1e-3, 0.15)
+    ] = 0.020  # thesis: stribeck_speed; the speed of fig 5-8
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.2)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.1, 0.36)] = 0.36
 

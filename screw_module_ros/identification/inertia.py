@@ -44,11 +44,12 @@ _PROJECTED = 2000.0  # the speed factor is extrapolated to this speed [mm/s]
 _REGRESSION_HZ = 100.0  # samples per second in the regression: the signals end at 30 Hz
 _SHOWN = 4  # every n-th sample is kept for the figures
 _STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
-CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
+CUTOFF_HZ = 30.0  # [Hz] thesis: inertia_cutoff
+STOP_HZ = 50.0  # [Hz] thesis: inertia_stop
 _CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
 _EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
-_SCALE = 0.2  # of the force in fig 5-33
+_SCALE = 0.2  # ours: of the force, as in fig 5-33
 _BEGIN = 2.0  # after the record's beginning [s]
 
 
@@ -61,15 +62,21 @@ class Settings(NamedTuple):
     omegas: Annotated[tuple[float, ...], Setting("of the hand", "rad/s", 0.5, 40.0)] = (
         4.0, 5.0, 6.0, 8.0, 10.0,
     )  # fmt: skip
-    centre: Annotated[float, Setting("of the oscillation", "m", 0.05, 0.31)] = 0.18
+    centre: Annotated[
+        float, Setting("of the oscillation", "m", 0.05, 0.31)
+    ] = 0.18  # thesis: spring_centre
     duration: Annotated[float, Setting("of a record", "s", 2.0, 120.0)] = 12.0
-    arm_mass: Annotated[float, Setting("of the hand and arm", "kg", 0.1, 20.0)] = 3.0
+    arm_mass: Annotated[
+        float, Setting("of the hand and arm", "kg", 0.1, 20.0)
+    ] = 3.0  # thesis: arm_sim_mass
     arm_stiffness: Annotated[float, Setting("of a firm grip", "N/m", 50.0, 5000.0)] = 2000.0
     arm_damping: Annotated[float, Setting("of a firm grip", "Ns/m", 0.0, 500.0)] = 60.0
-    least_speed: Annotated[float, Setting("slower samples do not count", "m/s", 0.0, 1.0)] = 0.020
+    least_speed: Annotated[
+        float, Setting("slower samples do not count", "m/s", 0.0, 1.0)
+    ] = 0.020  # thesis: inertia_least_speed
     least_acceleration: Annotated[
         float, Setting("samples below do not count in the ratio", "m/s^2", 1e-4, 50.0)
-    ] = 0.0025
+    ] = 0.0025  # thesis: inertia_least_acceleration
     widest_shift: Annotated[float, Setting("largest shift of the curves", "s", 0.0, 0.1)] = 0.030
 
     def flaw(self) -> str:
@@ -311,7 +318,7 @@ def draw(result: Result) -> Drawn:
     scaled = less | {"label": f"{less['label']}, times {_SCALE:g}"}
     last, axes = _over_time(
         time, _LONG, "mass [kg] and acceleration [m/s$^2$]",
-        "Fig. 5-34: mass by the ratio, where acceleration is 2.5 m/s$^2$ and more",
+        "Fig. 5-34: mass by the ratio, from 2.5 m/s$^2$ on (thesis: 2.5 mm/s$^2$)",
         swings, (ratio, {"color": COLOURS[0], "label": "ratio [kg], 0 = left out"}),
     )  # fmt: skip
     mass, thesis = result.value("mass"), THESIS["mass"]

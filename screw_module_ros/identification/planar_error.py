@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force error in the plane, with and without force feedback (2.2.4, appendix D).
+"""Force error in the plane, with and without force feedback. Ours: the thesis has none.
 
 The error is what the hand feels beyond the spring and damper asked for, its true force less
 K x + B v of the true handle, over all samples as in `force_error`: in slow, fast and small motion,
@@ -187,6 +187,6 @@ def draw(result: Result) -> Drawn:
 
 
 EXPERIMENT = Experiment(
-    NAME, "force error in the plane, with and without force feedback (2.2.4)",
+    NAME, "force error in the plane, with and without force feedback",
     Settings, run, draw, HUMAN_ARM,
 )  # fmt: skip

@@ -114,13 +114,14 @@ def response(
 
 
 def first_order(bandwidth: float) -> Chain:
-    """Return a first-order low pass of a bandwidth [Hz] (C.1)."""
+    """Return a first-order low pass of a bandwidth [Hz] (eq C.1)."""
     return Chain(1.0, (complex(-2.0 * math.pi * bandwidth),))
 
 
 def second_order(inertia: float, damping: float, stiffness: float) -> Chain:
-    """Return K / (J s^2 + B s + K) (C.3): torque at the transducer that locks the rotor.
+    """Return K / (J s^2 + B s + K): torque at the transducer that locks the rotor.
 
+    It corrects eq C.3, whose gain at rest is J (docs/contradictions.md).
     inertia J [kg m^2], damping B [Nm s/rad], stiffness K [Nm/rad].
     """
     half, square = 0.5 * damping / inertia, stiffness / inertia

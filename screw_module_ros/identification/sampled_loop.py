@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stability of the vertical loop as a linear sampled system with contact (thesis 7.1).
+"""Stability of the vertical loop as a linear sampled system with contact (after 7.1; ours).
 
 The law is the one that the robot executes: `linear_law` settles `control.vertical` about a pressed
 handle and takes differences of its step. The module is two masses in permanent contact, without

@@ -14,18 +14,21 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-INERTIA_ACROSS = 0.011125
-"""Inertia about the centre of mass, across the axis [kg m^2] (thesis A.2)."""
-STEEL = 7850.0
+INERTIA_ACROSS = 0.011125  # [kg m2] thesis: screw_inertia_across
+"""Inertia about the centre of mass, across the axis [kg m^2]."""
+STEEL = 7850.0  # ours: of ordinary steel
 """Density [kg/m^3]."""
-OUTER_DIAMETER, INNER_DIAMETER, EFFECTIVE_DIAMETER = 0.015875, 0.0127, 0.0142875
-"""Diameters of the shaft, of the groove's bottom, of the roller's track [m] (thesis 3.1.1)."""
-GROOVE_AT_INNER, GROOVE_AT_OUTER = 0.0030, 0.0040
-"""Width of the groove [m] at the two diameters (thesis 3.1.1)."""
-LEAD = 0.01905
+OUTER_DIAMETER = 0.015875  # [m] thesis: screw_diameter
+INNER_DIAMETER = 0.0127  # [m] thesis: screw_inner_diameter
+EFFECTIVE_DIAMETER = 0.0142875  # [m] thesis: effective_screw_diameter
+"""Diameters of the shaft, of the groove's bottom, of the roller's track [m]."""
+GROOVE_AT_INNER = 0.0030  # [m] thesis: groove_width_inner
+GROOVE_AT_OUTER = 0.0040  # [m] thesis: groove_width_outer
+"""Width of the groove [m] at the two diameters."""
+LEAD = 0.01905  # [m] thesis: lead
 """Travel of the nut per turn [m]."""
-REFLECTED = 3.25
-"""Mass that the screw's rotation reflects to the handle [kg] (Table 5.1)."""
+REFLECTED = 3.25  # [kg] thesis: reflected_screw
+"""Mass that the rotation of the screw reflects to the handle [kg]: inertia, nothing that moves."""
 
 GROOVED, OUTER, EFFECTIVE, TABLE = "grooved", "outer", "effective", "table"
 NAMES = (GROOVED, OUTER, EFFECTIVE, TABLE)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Predicted largest stable force gain, its limiting factor, and the onset in simulation (7.1).
+"""Predicted largest stable force gain, its limiting factor, and the onset in simulation.
+
+7.1 of the thesis asks for tools of this kind; this one is ours.
 
 The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, mount,
 delay, rate, filters and the hand allow, with the law that the robot executes. The effect of each

@@ -19,14 +19,14 @@ from ..geometry import SCREW, counts_to_height
 from .lab import Part
 from .trials import Samples, StageTrial
 
-BIN_MM = 2.5
-BINS = 142
-RANGE_MM = BIN_MM * BINS  # 355 mm, thesis 5.2.4
+BIN_MM = 2.5  # [mm] thesis: bin
+BINS = 142  # thesis: bins
+RANGE_MM = BIN_MM * BINS  # 355 mm
 CENTRES_MM = BIN_MM * (np.arange(BINS) + 0.5)
-ORDER = 400  # at the thesis's 2 kHz; the same length in time at other rates
-DONT_CARE_HZ = 30.0
+ORDER = 400  # thesis: map_filter_points; at 2 kHz, the same length in time at other rates
+DONT_CARE_HZ = 30.0  # [Hz] thesis: map_filter_band
 SETTLE_S = 0.03  # after the speed is steady; three time constants of the load's lag
-_DECADE = 10.0
+_DECADE = 10.0  # thesis: map_filter
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]

@@ -41,9 +41,11 @@ class Settings(NamedTuple):
 
     amplitude: Annotated[
         float, Setting("torque command, at most the motor's continuous torque", "Nm", 0.1, 0.8)
-    ] = 0.42
-    omega: Annotated[float, Setting("of the sine", "rad/s", 0.1, 10.0)] = 1.0
-    duration: Annotated[float, Setting("of the sine", "s", 2.0, 200.0)] = 7.0
+    ] = 0.42  # thesis: continuous_torque
+    omega: Annotated[float, Setting("of the sine", "rad/s", 0.1, 10.0)] = 1.0  # thesis: static_sine
+    duration: Annotated[
+        float, Setting("of the sine", "s", 2.0, 200.0)
+    ] = 7.0  # thesis: static_duration
     cutoff: Annotated[
         float, Setting("zero-phase low pass on the torque, for the fit", "Hz", 1.0, 100.0)
     ] = 20.0
@@ -52,7 +54,7 @@ class Settings(NamedTuple):
     ] = 0.1
     torque_constant: Annotated[
         float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
-    ] = 0.16
+    ] = 0.16  # thesis: torque_constant
 
     def flaw(self) -> str:
         """Return what is wrong with a sine that is shorter than a period."""

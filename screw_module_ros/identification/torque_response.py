@@ -67,12 +67,16 @@ _PROFILE = np.linspace(0.0, 1e-3, 101)
 class Settings(NamedTuple):
     """The swept sine, and assumed parameters."""
 
-    low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
-    high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
+    low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0  # thesis: sweep[0]
+    high: Annotated[
+        float, Setting("highest frequency", "Hz", 1.0, 1000.0)
+    ] = 200.0  # thesis: sweep[1]
     count: Annotated[
         int, Setting("frequencies, evenly on a log scale", "", 4, 400)
     ] = 40  # type: ignore[assignment]  # hides the tuple's method
-    amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
+    amplitude: Annotated[
+        float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)
+    ] = 0.352  # ours: sweep_current times torque_constant
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     slow_rate: Annotated[
         float, Setting("second sampling rate (fig 4-12), 0 = none", "Hz", 0.0, 4000.0)

@@ -156,7 +156,7 @@ def vertical_joint(
 ) -> dict[str, tuple[float, float, float]]:
     """Return height [m], speed [m/s] and force [N] of the homed joint `vertical`.
 
-    The force is that of the motor's torque through a screw without friction (thesis 3.1).
+    The force is that of the motor's torque through a screw without friction (eq 3.1).
     """
     if encoder is None or not encoder.homed or amplifier is None:
         return {}

@@ -3,16 +3,17 @@
 
 The values are in `params/plant.yaml`, section `friction`. In steady motion the true friction is the
 map of thesis 5.2.5: a trend over height, a ripple once per screw turn and a speed factor, one set
-for motion against gravity and one for motion with it (5.2.4: the load decides, not the direction on
-the screw). Height is clamped to the mapped range. In addition there are effects that no controller
-of this project models:
+for motion against gravity and one for motion with it: by 5.2.4 friction seems to depend more on the
+direction of gravity than on the direction on the screw, and the load is one plausible reason.
+Height is clamped to the mapped range. In addition there are effects that no controller of this
+project models:
 
 - a roller ripple, four per screw turn (figs 5-7, 5-8);
 - a Stribeck term, friction falling with speed in the lower half and rising in the upper half as in
   figs 5-10, 5-11; it has no mean over the height, so the map is still what averaging finds;
 - stiction: below the slowest speed measured (0.5 mm/s) the map's power law, which runs to zero, is
   replaced by a rise to a breakaway level;
-- presliding: an elasto-plastic bristle (Dahl 1968; LuGre, Canudas de Wit 1995; Dupont 2002) that
+- presliding: an elasto-plastic bristle (dahl1968; LuGre, canudas1995; dupont2002) that
   carries the whole force. Below `ELASTIC` of the level it only bends, so it holds a smaller load
   without creep;
 - load: the moment on the linear bearing, from the handle's 77.85 mm offset and from sideways force,

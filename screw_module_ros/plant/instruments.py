@@ -14,7 +14,7 @@ rotor's own breakaway torque (5.44 mNm) is left out: over the microradians of a 
 bristles, soft compared with the transducer, carry no torque.
 
 **The circuit that reads the motor current** for the A/D card (thesis 4.1.2, appendix C.2): 0.1 Ohm
-shunt, differential amplifier, active low pass of second order (928.8 Hz), gain: 3.42 V/A. In
+shunt, differential amplifier, active low pass of second order (928.2 Hz), gain: 3.42 V/A. In
 `H(s) = g w^2 / (s^2 + (R1 + R2) C1 w^2 s + w^2)` the symbols are those of C.2. It has the form of
 an inertia on a damped spring, so the exact step of the rotor solves it.
 
@@ -89,13 +89,13 @@ def rotor_step(p: RotorStep, angle: float, velocity: float, torque: float) -> tu
 class Circuit(NamedTuple):
     """Parts of the circuit [Ohm], [F]."""
 
-    shunt: float = 0.1
-    r1: float = 19_600.0
-    r2: float = 20_000.0
-    r3: float = 1_000.0
-    r4: float = 33_200.0
-    c1: float = 5.0e-9
-    c2: float = 1.5e-8
+    shunt: float = 0.1  # [Ohm] thesis: current_sensor_Rs
+    r1: float = 19_600.0  # [Ohm] thesis: current_sensor_R1
+    r2: float = 20_000.0  # [Ohm] thesis: current_sensor_R2
+    r3: float = 1_000.0  # [Ohm] thesis: current_sensor_R3
+    r4: float = 33_200.0  # [Ohm] thesis: current_sensor_R4
+    c1: float = 5.0e-9  # [F] thesis: current_sensor_C1
+    c2: float = 1.5e-8  # [F] thesis: current_sensor_C2
 
 
 PRINTED = Circuit()

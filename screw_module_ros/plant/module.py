@@ -44,7 +44,7 @@ class Vertical(NamedTuple):
     stop_damping: Annotated[float, Setting("end stops", "N s/m", 0.0, 1e5)]
     brake_damping: Annotated[float, Setting("shorted motor, Kt^2/R", "Nm s/rad", 0.0, 1.0)]
     stage_acceleration: Annotated[float, Setting("positioning stage", "m/s^2", 0.01, 100.0)]
-    handle_offset: Annotated[float, Setting("transducer from screw axis", "m", 0.0, 1.0)]
+    handle_offset: Annotated[float, Setting("handle from screw axis", "m", 0.0, 1.0)]
     grip_height: Annotated[float, Setting("hand above the transducer", "m", 0.0, 0.5)]
 
 

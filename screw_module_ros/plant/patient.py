@@ -2,7 +2,7 @@
 """The simulated patient: an arm whose virtual hand follows a path, and its changes at run time.
 
 The arm is the thesis's (6.4.3): mass, spring and damper between the handle and a virtual hand that
-moves on a minimum-jerk path (Flash and Hogan 1985) to a target and there follows a sine. Kinds:
+moves on a minimum-jerk path (flashhogan1985) to a target and there follows a sine. Kinds:
 
 - active: the arm as set;
 - relaxed: a tenth of the stiffness, no sine: it is moved, it does not move;

@@ -3,16 +3,16 @@
 
 Axes are those of frame `handle`, parallel to `manus_base`; the wrench is that of the patient on the
 robot. The hand holds the grip above the transducer, so a planar force gives a torque there. The
-parasitic torque of the 77.85 mm between transducer and screw (3.1.2) loads the linear bearing, not
-the transducer: it enters friction, not this wrench. On the locked-rotor fixture the transducer
-reads the rotor's torque about z.
+parasitic torque of the 77.85 mm between handle and nut (3.1.2; 77.8 mm for the transducer, 5.2.4)
+loads the linear bearing, not the transducer: it enters friction, not this wrench. On the
+locked-rotor fixture the transducer reads the rotor's torque about z.
 
 Zeros drift as the electronics warm up: each axis approaches its own offset exponentially. The
 simulated ATI electronics quantise the values. The filter before the converter acts only on the
 force along z, which the force feedback uses; `plant.vertical` applies it.
 
 The noise is normal random numbers as a pure function of two integers, the same compiled and plain:
-two combined multiplicative generators (L'Ecuyer, Comm. ACM 31, 1988), products below 2^63, then Box
+two combined multiplicative generators (lecuyer1988), products below 2^63, then Box
 and Muller. numba's and Python's generators would give compiled and plain function different noise.
 """
 
@@ -47,7 +47,7 @@ class Sensor(NamedTuple):
     bandwidth: Annotated[float, Setting("first-order filter, force along z", "Hz", 10.0, 1e5)]
     hysteresis: Annotated[
         float, Setting("half the width of the loop, force along z", "N", 0.0, 10.0)
-    ] = 0.0
+    ] = 0.0  # ours
 
 
 class SensorParams(NamedTuple):

@@ -9,7 +9,7 @@ friction can remove energy but not add any.
 z is positive up the screw also when the module hangs upside down. `patient_force` is the force of
 the patient (arm or stage) on the robot at the transducer, so it contains the reaction of the arm's
 own mass, or of the hand's where a soft grip lies between the two; friction is positive where it
-opposes upward motion (F_f in thesis 5.3).
+opposes upward motion (F_f in eq 5.3).
 """
 
 from __future__ import annotations

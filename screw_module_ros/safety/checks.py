@@ -64,9 +64,9 @@ class AgreementSettings(NamedTuple):
 class FreezeSettings(NamedTuple):
     """When the position of a joint that does not move counts as frozen.
 
-    3 Nm are 6 to 7 N at the handle; the joints' friction is 0.3 Nm (thesis, appendix D), an error
-    of 4 N of the force sensor makes 2 Nm. A net torque of 3 Nm moves a joint with the module's
-    1.3 kg m2 by a count of 0.1 mrad in 9 ms.
+    3 Nm are 6 to 7 N at the handle; the joints' friction is 0.3 Nm in the simulation (ours), an
+    error of 4 N of the force sensor makes 2 Nm. A net torque of 3 Nm moves a joint with the
+    module's 1.3 kg m2 by a count of 0.1 mrad in 9 ms.
     """
 
     torque: Annotated[

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Performance-based progressive therapy: assistance adapts to the patient (Krebs et al. 2003).
+"""Performance-based progressive therapy: assistance adapts to the patient (krebs2003).
 
 Two parameters adapt, each by a metric that is positive if the patient needs less assistance:
 
@@ -13,7 +13,8 @@ The gain a increases with the consistency of the last three circuits. A circuit'
 of its mean metric, zero within the dead band of 0.01.
 
 The coefficients, levels, gains and the circuits after which they act are those of an InMotion
-robot; the bounds are ours. At rest m = 0: walls settle at K = 33 125 N/m^2 times the rms distance.
+robot (imtclock in docs/references.md); the bounds are ours. At rest m = 0: walls settle at
+K = 33 125 N/m^2 times the rms distance.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def ellipse(path: np.ndarray) -> tuple[float, float]:
 def independence(path: np.ndarray) -> float:
     """Return the small over the large axis of a path's ellipse, 0 to 1.
 
-    1 for a circle walked evenly (Dipietro et al., J. Neurophysiol. 98:757, 2007).
+    1 for a circle walked evenly (dipietro2007).
     """
     small, large = ellipse(path)
     return math.sqrt(small / large) if large > 0.0 else math.nan

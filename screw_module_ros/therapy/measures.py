@@ -2,7 +2,9 @@
 """The one table of what is measured on a trial: names, units, definitions and computation.
 
 The names are those of TrialResult.msg and of the CSV. pm1 (`initiated`) to pm4 are the measures
-that the adaptation uses (Krebs et al. 2003).
+that the adaptation uses (krebs2003). The definitions name authors and year; the works are
+rohrer2002, balasubramanian2012, balasubramanian2015, dipietro2007 and cohen1988 of
+docs/references.md.
 """
 
 from __future__ import annotations
@@ -245,7 +247,7 @@ def computed(trial: Trial) -> dict[str, float]:
 def effect_size(one: Sequence[float], other: Sequence[float]) -> float:
     """Return Cohen's d [1]: mean of `other` minus mean of `one`, over the pooled deviation.
 
-    The pooled deviation weights the groups by their sizes (Cohen 1988, 2.5.1). NaN for fewer than
+    The pooled deviation weights the groups by their sizes (cohen1988, 2.5.1). NaN for fewer than
     two values in a group, or if all values equal the means of their groups.
     """
     degrees = len(one) + len(other) - 2

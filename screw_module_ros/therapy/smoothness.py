@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Smoothness of a speed profile: spectral arc length and dimensionless jerk.
 
-SPARC and LDLJ as defined by Balasubramanian, Melendez-Calderon and Burdet (IEEE Trans. Biomed. Eng.
-59:2126, 2012) and Balasubramanian et al. (J. NeuroEng. Rehabil. 12:112, 2015). Both are negative; a
-smoother movement is nearer to zero. Their values depend on the sampling rate, which reports state.
+SPARC and LDLJ as defined in balasubramanian2012 and balasubramanian2015 (docs/references.md). Both
+are negative; a smoother movement is nearer to zero. Their values depend on the sampling rate, which
+reports state.
 """
 
 from __future__ import annotations

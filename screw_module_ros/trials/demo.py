@@ -89,7 +89,8 @@ MODES = {
     IMPEDANCE: Mode(ForceCommand.IMPEDANCE, "about 10 N (fig 6-1)", 7.0, 13.0),
     FORCE_FEEDBACK: Mode(ForceCommand.FORCE_FEEDBACK, "about 2 N (fig 6-10)", 0.0, 3.0),
     OBSERVER: Mode(
-        ForceCommand.OBSERVER, "proposed (7.1)", 0.0, 1.0, float(math.ceil(_OBSERVED.least_damping))
+        ForceCommand.OBSERVER, "proposed (6.4.4)", 0.0, 1.0,
+        float(math.ceil(_OBSERVED.least_damping)),
     ),
 }
 

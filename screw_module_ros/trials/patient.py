@@ -74,7 +74,7 @@ class Way(NamedTuple):
     end: tuple[float, float]
 
     def at(self, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return position [m] and velocity [m/s]: minimum jerk (Flash and Hogan 1985)."""
+        """Return position [m] and velocity [m/s]: minimum jerk (flashhogan1985)."""
         share = clamp((time - self.begin) / self.duration, 0.0, 1.0)
         gone = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
         pace = 30.0 * (share * (1.0 - share)) ** 2 / self.duration

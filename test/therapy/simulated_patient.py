@@ -41,7 +41,7 @@ from screw_module_ros.therapy.trial import Phase
 STEP_NS = 2_500_000
 STEP = STEP_NS * 1e-9
 EVERY = 2  # steps a sample: 200 Hz
-ROBOT_MASS = 1.5  # [kg] the bare plane at the handle (thesis, appendix D: at most 4/3 kg), grip
+ROBOT_MASS = 1.5  # [kg] the bare plane at the handle (appendix D specifies at most 4/3 kg), grip
 LIMITS = SlotLimits()
 NO_SLOT = Slot()
 
