@@ -70,7 +70,8 @@ class SubstituteObject(NamedTuple):
 class Substitute(NamedTuple):
     """What stands in for a guard that this make lacks.
 
-    text: for messages. relies_on: guards that must be in force for it.
+    text: for messages. relies_on: guards that must be in force for it. A text alone holds no torque
+    back, and only a command deadline does what watching our heartbeat does: see `flaw`.
     """
 
     guard: Annotated[str, Setting("the guard that is missing", choices=tuple(GUARDS))]
@@ -79,6 +80,22 @@ class Substitute(NamedTuple):
     relies_on: Annotated[
         tuple[str, ...], Setting("the guards that have to hold", choices=tuple(GUARDS))
     ] = ()
+
+    def flaw(self) -> str:
+        """Return why this does not replace its guard, empty if it may."""
+        own = f"{self.guard}: "
+        if not (self.objects or self.relies_on):
+            return (
+                own + "a text alone holds no torque back: name the `objects` that are written and "
+                "read back, or under `relies_on` the guards of the drive that have to hold"
+            )
+        deadlines = [each for each in self.objects if each.quantity == DEADLINE_PERIODS]
+        if self.guard == MASTER_HEARTBEAT and not (deadlines or COMMAND_DEADLINE in self.relies_on):
+            return (
+                own + "only a deadline for commands replaces watching our heartbeat: name one in "
+                f"`objects`, with the quantity {DEADLINE_PERIODS}, or rely on {COMMAND_DEADLINE}"
+            )
+        return ""
 
 
 class DriveProfile(NamedTuple):

@@ -105,7 +105,7 @@ class Drive(DriveReports):
         self.warnings = [
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
-        ] + list(found.warnings)
+        ] + [*found.warnings, *map(str, found.replaced)]
 
     def _limited(self, found: setup.DriveSetup) -> None:
         taken = self.make.drive.largest_target / PER_MILLE * found.rated_torque
@@ -171,6 +171,8 @@ class Drive(DriveReports):
             state = self.state(now_ns)
             self._check_silence(now_ns)
         self._check_torque(state, now_ns)
+        if logic.enabling and (wrong := self.wrong_mode(now_ns)):
+            logic.latch(wrong)
         beat_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
         controlword = logic.step(
             state, self.shown, beat_ns if self._expects_heartbeat else None, self.nmt, now_ns
@@ -274,9 +276,7 @@ class Drive(DriveReports):
             return f"the {self.label} is still being disabled: try again in a moment"
         if not self._armed:
             return f"the {self.label} is not being commanded: activate it first"
-        if self.mode_display != self.mode:
-            return f"the {self.label} is not in mode {self.mode}, 6061 is {self.mode_display}"
-        return self.lacks_guards()
+        return self.wrong_mode(self._port.clock.now_ns()) or self.lacks_guards()
 
     def lacks_guards(self) -> str:
         """Return the guards that are missing and not waived, with the way out; empty if none."""
@@ -299,13 +299,24 @@ class Drive(DriveReports):
 
     @property
     def danger(self) -> str:
-        """Return what to say at each enabling, empty if the drive watches our heartbeat."""
-        if all(each.guard != MASTER_HEARTBEAT for each in self.unguarded):
-            return ""
-        return (
-            f"DANGER: the {self.label} is enabled without {GUARDS[MASTER_HEARTBEAT]}: its torque "
+        """Return what to say at each enabling, empty if the drive holds its torque back by itself.
+
+        It does not where it does not watch our heartbeat, and where only a word of its profile
+        stands in for a guard.
+        """
+        told = [
+            f"DANGER: the {self.label} is enabled without {GUARDS[each.guard]}: its torque "
             "goes on when this program hangs or the cable breaks; keep a hand on the emergency stop"
-        )
+            for each in self.unguarded
+            if each.guard == MASTER_HEARTBEAT
+        ]
+        told += [
+            f"DANGER: the {self.label} is enabled without {GUARDS[each.guard]}; in its place only: "
+            f"{each.text}"
+            for each in self._configured.replaced
+            if each.by_word
+        ]
+        return "; ".join(told)
 
     def request_disable(self) -> None:
         """Request torque off; the drive goes down to switched on."""
@@ -329,7 +340,7 @@ class Drive(DriveReports):
                 raise
             logic.forget()
         if self.running or again:
-            self.emergency, self.error_code = "", 0
+            self.forget_errors()
             logic.recover()
         else:
             logic.forget()

@@ -63,6 +63,21 @@ class MissingGuard(NamedTuple):
         return f"{GUARDS[self.guard]} ({self.why})"
 
 
+class ReplacedGuard(NamedTuple):
+    """A guard that the drive refused and its profile replaces.
+
+    guard: of `profiles.GUARDS`. text: what stands in its place. by_word: no object of the drive was
+    written for it; other guards that are in force have to do.
+    """
+
+    guard: str
+    text: str
+    by_word: bool
+
+    def __str__(self) -> str:
+        return f"{GUARDS[self.guard]} is missing, in its place: {self.text}"
+
+
 def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
     """Return the objects that decide how the drive stops, in order; rated: its torque [Nm]."""
     coast = settings.stop_reaction == COAST
@@ -117,24 +132,26 @@ def written(sdo: Sdo, objects: tuple[Object, ...]) -> tuple[list[MissingGuard], 
 def replaced(
     sdo: Sdo, settings: DriveSettings, profile: DriveProfile, missing: list[MissingGuard],
     share: float,
-) -> tuple[tuple[MissingGuard, ...], list[str]]:  # fmt: skip
+) -> tuple[tuple[MissingGuard, ...], tuple[ReplacedGuard, ...]]:  # fmt: skip
     """Put the profile's substitutes in place of the missing guards.
 
-    share: largest torque over the rated one. Returns the guards that nothing replaces, and a
-    warning for each that is replaced.
+    share: largest torque over the rated one. Returns the guards that nothing replaces, and those
+    that are replaced. A substitute relies on guards that the drive itself took: one that is missing
+    too does not count, whatever replaces it.
     """
     substitutes = {each.guard: each for each in profile.substitutes}
     lacking = {each.guard for each in missing}
-    left, replaced = [], []
+    left, stood_in = [], []
     for each in missing:
         substitute = substitutes.get(each.guard)
-        if substitute is None or lacking & set(substitute.relies_on):
+        if substitute is None or substitute.flaw() or lacking & set(substitute.relies_on):
             left.append(each)
         elif why := _substituted(sdo, settings, substitute, share):
             left.append(MissingGuard(each.guard, f"{each.why}; {substitute.text}: {why}"))
         else:
-            replaced.append(f"{GUARDS[each.guard]} is missing, in its place: {substitute.text}")
-    return tuple(left), replaced
+            word = not substitute.objects
+            stood_in.append(ReplacedGuard(each.guard, substitute.text, word))
+    return tuple(left), tuple(stood_in)
 
 
 def _substituted(

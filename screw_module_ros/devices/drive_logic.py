@@ -136,8 +136,10 @@ class DriveLogic:
         self.goal = Goal.OFF if self.reason else Goal.SWITCHED_ON
 
     def enable(self) -> None:
-        """Request operation enabled."""
+        """Request operation enabled; what the drive reported before explains no later fault."""
         self._enabling_since_ns = None
+        if not self.reason:
+            self._cause = ""
         self.goal = Goal.OPERATION_ENABLED
 
     def disable(self) -> None:
@@ -159,11 +161,14 @@ class DriveLogic:
     # -- what happens ----------------------------------------------------------------------------
 
     def latch(self, reason: str, cause: str = "") -> None:
-        """Switch off and stay off; the first reason stays. cause: the drive's own report."""
+        """Switch off and stay off; the first reason stays.
+
+        cause: the drive's own report; without one, what it has reported since the enabling.
+        """
         self.goal = Goal.OFF
         self.recovery.active = False
         if not self.reason:
-            self.reason, self._cause = reason, cause
+            self.reason, self._cause = reason, cause or self._cause
 
     def intruded(self, reason: str) -> None:
         """Latch that another master commands the drive. reason: the message."""
@@ -171,7 +176,7 @@ class DriveLogic:
         self._intruded = True
 
     def explain(self, cause: str) -> None:
-        """Add the drive's report to a fault that was latched before the report came."""
+        """Keep the drive's first report, for the fault that is latched or may follow."""
         self._cause = self._cause or cause
 
     def changed(self, before: State, after: State, cause: str) -> None:

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from ..can_io.port import SYNC_ID, Port
-from ..profiles import Profile, key_of
+from ..profiles import Profile
 from ..samples import DriveReading
 from ..units import from_per_mille
 from . import cia402
@@ -16,10 +14,14 @@ from .cia402 import State
 from .drive_logic import DriveLogic
 from .drive_settings import BRAKE, DriveSettings
 from .emcy import Emergency, code_name
-from .errors import BusError, NotAnswering, Refused
 from .motion import FULL_RANGE, Unwrapper
+from .reported import Reported
 
 _HEARTBEATS_MISSED = 3
+_ASKED_AFTER_NS = 300_000_000
+"""Age at which an object is asked for: three times the period of TPDO2, which else brings it."""
+_MODE_UNKNOWN_NS = 1_000_000_000
+"""Age of the mode (6061) at which it counts as unknown."""
 
 
 class DriveReports(CanopenDevice):
@@ -27,11 +29,11 @@ class DriveReports(CanopenDevice):
 
     per_turn: change of position per turn [m or rad]. counters: those of `CanopenDevice`, received
     (statuswords), missing (SYNCs without one), unexpected (statuswords without a SYNC),
-    wrong_length (frames dropped), bad_statusword (patterns not in CiA 402), illegal_transitions
-    (states that cannot follow each other), slow_polls_failed (of what TPDO2 does not carry).
+    wrong_length (frames dropped as too short), bad_statusword (patterns not in CiA 402),
+    illegal_transitions (states that cannot follow each other), slow_polls_failed (of what TPDO2
+    does not bring). Of a longer frame the mapped bytes count, which come first (CiA 301, 7.5.2.36).
     logic: goal and fault of the drive. reading: the newest cyclic answer, None before the first.
-    shown: the state in it. error_code, mode_display, digital_inputs: objects 603F, 6061 and 60FD,
-    the newest known. torque_of: torque of one per mille [Nm], direction included.
+    shown: the state in it. torque_of: torque of one per mille [Nm], direction included.
     """
 
     profile = setup.PROFILE
@@ -43,7 +45,7 @@ class DriveReports(CanopenDevice):
         brake = settings.stop_reaction == BRAKE
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         self.logic = DriveLogic(label, brake, settings.enable_timeout, silence)
-        self.error_code = self.mode_display = self.digital_inputs = 0
+        self._reported = Reported(setup.SLOW_STATUS, signed=(setup.MODE_DISPLAY,))
         self.torque_of = 0.0
         self._setup = setup.DriveSetup(0, settings.rated_torque)
         self._position_of = settings.direction * per_turn / settings.counts_per_turn
@@ -64,10 +66,42 @@ class DriveReports(CanopenDevice):
         """Mode of operation in use: 10 cyclic synchronous torque, 4 profile torque."""
         return self._setup.mode
 
+    @property
+    def error_code(self) -> int:
+        """Object 603F, the newest known; 0 for none."""
+        return self._reported.value(setup.ERROR_CODE) or 0
+
+    @property
+    def mode_display(self) -> int:
+        """Object 6061, the newest known; 0, which is no mode, while it is unknown."""
+        return self._reported.value(setup.MODE_DISPLAY) or 0
+
+    @property
+    def digital_inputs(self) -> int:
+        """Object 60FD, the newest known; 0 while it is unknown."""
+        return self._reported.value(setup.DIGITAL_INPUTS) or 0
+
+    def wrong_mode(self, now_ns: int) -> str:
+        """Return why torque may not pass, empty if the drive says that it is in torque mode."""
+        age_ns = self._reported.age_ns(setup.MODE_DISPLAY, now_ns)
+        if age_ns > _MODE_UNKNOWN_NS:
+            return (
+                f"the {self.label} does not say in which mode it is: 6061 was last heard "
+                f"{age_ns * 1e-9:.1f} s ago"
+            )
+        if self.mode_display != self.mode:
+            return (
+                f"the {self.label} is not in torque mode {self.mode}, "
+                f"6061 is {self.mode_display}"
+            )
+        return ""
+
     def expect(self, found: setup.DriveSetup) -> None:
         """Take over mode and rating; the position restarts: it may have been switched off."""
         self._setup = found
-        self.mode_display = found.mode
+        now_ns = self._port.clock.now_ns()
+        self._reported.restart(now_ns)
+        self._reported.note({setup.MODE_DISPLAY: found.mode}, now_ns)  # read back just now
         self.torque_of = self.settings.direction * from_per_mille(1, found.rated_torque)
         self._unwrapper = Unwrapper(FULL_RANGE)
 
@@ -77,6 +111,11 @@ class DriveReports(CanopenDevice):
         self.shown = State.UNKNOWN
         self._syncs_owed = 0
 
+    def forget_errors(self) -> None:
+        """Drop what the drive reported of errors before a recovery."""
+        self.emergency = ""
+        self._reported.note({setup.ERROR_CODE: 0}, self._port.clock.now_ns())
+
     def state(self, now_ns: int) -> State:
         """Return the drive's state, UNKNOWN when its statusword is older than ten periods."""
         reading = self.reading
@@ -85,10 +124,10 @@ class DriveReports(CanopenDevice):
         return self.shown
 
     def _on_status(self, data: bytes, arrival_ns: int) -> None:
-        if len(data) != setup.STATUS_LAYOUT.size:
+        if len(data) < setup.STATUS_LAYOUT.size:
             self.counters["wrong_length"] += 1
             return
-        statusword, raw, per_mille = setup.STATUS_LAYOUT.unpack(data)
+        statusword, raw, per_mille = setup.STATUS_LAYOUT.unpack_from(data)
         self.counters["received"] += 1
         if not self._syncs_owed:
             self.counters["unexpected"] += 1
@@ -105,33 +144,26 @@ class DriveReports(CanopenDevice):
             self.counters["illegal_transitions"] += 1
         self.logic.changed(before, self.shown, self.emergency or _described(self.error_code))
 
-    def _on_slow_status(self, data: bytes, _arrival_ns: int) -> None:
+    def _on_slow_status(self, data: bytes, arrival_ns: int) -> None:
         layout = setup.slow_status_layout(self._setup.slow)
-        if len(data) != layout.size:
+        if len(data) < layout.size:
             self.counters["wrong_length"] += 1
             return
-        self._note_slow(dict(zip(self._setup.slow, layout.unpack(data), strict=True)))
+        values = layout.unpack_from(data)
+        self._reported.note(dict(zip(self._setup.slow, values, strict=True)), arrival_ns)
+        self.logic.explain(_described(self.error_code))
+
+    def poll_due(self, now_ns: int) -> bool:
+        """Return whether `poll_slow` has something to ask for."""
+        return self.running and bool(self._reported.due(now_ns, _ASKED_AFTER_NS))
 
     def poll_slow(self) -> None:
-        """Read the slow status that this make cannot map; blocking, not for the loop."""
-        mapped = [key_of(key)[0] for key in self.make.drive.slow_status]
-        polled = [index for index in setup.SLOW_STATUS if index not in mapped]
-        for index in polled if self.running else ():
-            try:
-                read = self.sdo.signed if index == setup.MODE_DISPLAY else self.sdo.unsigned
-                self._note_slow({index: read(index)})
-            except Refused:
-                continue  # it does not have the object
-            except (NotAnswering, BusError):
-                self.counters["slow_polls_failed"] += 1
-
-    def _note_slow(self, values: Mapping[int, int]) -> None:
-        self.error_code = values.get(setup.ERROR_CODE, self.error_code)
-        self.mode_display = values.get(setup.MODE_DISPLAY, self.mode_display)
-        self.digital_inputs = values.get(setup.DIGITAL_INPUTS, self.digital_inputs)
+        """Read what TPDO2 does not bring, or brings no more; blocking, not for the loop."""
+        if not self.running:
+            return
+        if not self._reported.ask(self.sdo, self._port.clock.now_ns(), _ASKED_AFTER_NS):
+            self.counters["slow_polls_failed"] += 1
         self.logic.explain(_described(self.error_code))
-        if self.logic.enabling and self.mode_display != self.mode:
-            self.logic.latch(f"the {self.label} left torque mode, 6061 is {self.mode_display}")
 
     def _on_sync(self, _data: bytes, _arrival_ns: int) -> None:
         self._syncs_owed += 1
@@ -141,7 +173,7 @@ class DriveReports(CanopenDevice):
 
     def reported(self, emergency: Emergency) -> None:
         """Explain a fault by an emergency; while enabled, it stops the drive."""
-        self.error_code = emergency.code
+        self._reported.note({setup.ERROR_CODE: emergency.code}, self._port.clock.now_ns())
         self.logic.explain(self.emergency)
         if self.logic.enabling:
             self.logic.latch(f"the {self.label} sent an emergency", self.emergency)

@@ -20,6 +20,7 @@ from . import pdo
 from .drive_guards import (
     MissingGuard,
     Object,
+    ReplacedGuard,
     limit_object,
     milliseconds,
     replaced,
@@ -61,14 +62,15 @@ class DriveSetup(NamedTuple):
     """Result of the configuration.
 
     mode: object 6060 in use. rated_torque: torque of 1000 per mille [Nm]. unguarded: guards that
-    the drive refused and nothing replaces. warnings: harmless refusals, and guards that are
-    replaced. slow: objects that TPDO2 carries. open_ids: identifiers at which it takes commands
-    besides ours, because it does not let these PDOs be disabled.
+    the drive refused and nothing replaces. replaced: those that its profile replaces. warnings:
+    harmless refusals. slow: objects that TPDO2 carries. open_ids: identifiers at which it takes
+    commands besides ours, because it does not let these PDOs be disabled.
     """
 
     mode: int
     rated_torque: float
     unguarded: tuple[MissingGuard, ...] = ()
+    replaced: tuple[ReplacedGuard, ...] = ()
     warnings: tuple[str, ...] = ()
     slow: tuple[int, ...] = tuple(SLOW_STATUS)
     open_ids: tuple[int, ...] = ()
@@ -158,8 +160,9 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
     if no_deadline:
         missing.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
     share = _share(settings, rated, profile)
-    unguarded, told = replaced(sdo, settings, profile, missing, share)
-    return DriveSetup(mode, rated, unguarded, (*warnings, *refused, *told), slow, open_ids)
+    unguarded, stood_in = replaced(sdo, settings, profile, missing, share)
+    warned = (*warnings, *refused)
+    return DriveSetup(mode, rated, unguarded, stood_in, warned, slow, open_ids)
 
 
 def _share(settings: DriveSettings, rated: float, profile: DriveProfile) -> float:

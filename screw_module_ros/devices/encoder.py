@@ -20,13 +20,16 @@ from . import encoder_setup as setup
 from .canopen import NMT_PRE_OPERATIONAL, CanopenDevice
 from .emcy import Emergency
 from .encoder_setup import EncoderSettings
-from .errors import BusError, DeviceError, NotAnswering, NotNow, Refused
+from .errors import BusError, DeviceError, NotNow
 from .motion import FULL_RANGE, Motion, Rehoming, Unwrapper
 from .polled import FRESH, UNEXPECTED, WRONG_LENGTH, Polled
+from .reported import Reported
 
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
+#: Age of the alarms (6503), which are asked for every 5 s, at which they count as unknown.
+_ALARMS_UNKNOWN_NS = 12_000_000_000
 #: Faster than a hand moves the nut [m/s], and longer than any travel [m].
 _FASTEST, _FARTHEST = 2.0, 1.0
 
@@ -38,7 +41,7 @@ class Encoder(CanopenDevice):
     counters: those of `CanopenDevice` and `Polled`, out_of_range (positions dropped), bus_errors
     and slow_polls_failed (of 6500 to 6505).
     fault: why it delivers no samples, empty while healthy; latched until `clear_fault`.
-    warnings: reports of the device that do not stop it. operating_status: its object 6500.
+    warnings: reports of the device that do not stop it.
     """
 
     profile = setup.PROFILE
@@ -53,7 +56,7 @@ class Encoder(CanopenDevice):
         super().__init__(port, validated(settings), "encoder", make)
         self.fault = ""
         self.warnings: list[str] = []
-        self.operating_status = 0
+        self._reported = Reported(setup.SLOW_STATUS)
         self._period_ns = round(1e9 / settings.rate)
         self._metres = counts_to_height(
             settings.direction, validated(screw), settings.counts_per_turn
@@ -68,7 +71,6 @@ class Encoder(CanopenDevice):
         self._sampled_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
-        self._absent: set[int] = set()
         position = setup.position_pdo(settings, make.encoder.pdo)
         port.subscribe(position.cob_id, self._on_position)
         if not port.sync_producer:
@@ -78,6 +80,11 @@ class Encoder(CanopenDevice):
     def step(self) -> float:
         """Change of height per count [m], direction included."""
         return self._metres
+
+    @property
+    def operating_status(self) -> int:
+        """Object 6500, the newest known; 0 while it is unknown."""
+        return self._reported.value(setup.OPERATING_STATUS) or 0
 
     @property
     def homed(self) -> bool:
@@ -117,6 +124,7 @@ class Encoder(CanopenDevice):
         self._longest_gap_ns = max(1.5 * self._period_ns, longest_ns)
         self._motion.restart()
         self._rehoming.forget()
+        self._reported.restart(self._port.clock.now_ns())
         self._last = None
         self._poll.restart()
 
@@ -184,13 +192,13 @@ class Encoder(CanopenDevice):
             self._poll.begin_unasked(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
 
     def _on_position(self, data: bytes, _arrival_ns: int) -> None:
-        well_formed = len(data) == _POSITION.size
+        well_formed = len(data) >= _POSITION.size  # the mapped bytes come first (CiA 301)
         if not self.running:
             self.counters[UNEXPECTED if well_formed else WRONG_LENGTH] += 1
             return
         if self._poll.note(well_formed) != FRESH:
             return
-        (raw,) = _POSITION.unpack(data)
+        (raw,) = _POSITION.unpack_from(data)
         if not self._unwrapper.holds(raw):
             self.counters["out_of_range"] += 1
             return
@@ -243,24 +251,22 @@ class Encoder(CanopenDevice):
         return settings.home_position
 
     def poll_slow(self) -> None:
-        """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
-        try:
-            status, alarms, warnings = map(self._optional, (0x6500, 0x6503, 0x6505))
-        except (NotAnswering, BusError):
-            self.counters["slow_polls_failed"] += 1
-            return
-        self.operating_status = status
-        self.warnings = _bit_names(warnings, setup.WARNINGS)
-        if alarms:
-            self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
+        """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop.
 
-    def _optional(self, index: int) -> int:
-        if index not in self._absent:
-            try:
-                return self.sdo.unsigned(index)
-            except Refused:
-                self._absent.add(index)
-        return 0
+        An encoder that has alarms and has not told them for too long is not trusted any more.
+        """
+        reported, now_ns = self._reported, self._port.clock.now_ns()
+        if not reported.ask(self.sdo, now_ns, 0):
+            self.counters["slow_polls_failed"] += 1
+        self.warnings = _bit_names(reported.value(setup.WARNING) or 0, setup.WARNINGS)
+        if alarms := reported.value(setup.ALARM):
+            self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
+        age_ns = reported.age_ns(setup.ALARM, now_ns)
+        if self.running and reported.has(setup.ALARM) and age_ns > _ALARMS_UNKNOWN_NS:
+            self._latch(
+                f"the encoder does not say whether it has an alarm: 6503 was last heard "
+                f"{age_ns * 1e-9:.0f} s ago"
+            )
 
     # -- unsolicited reports of the device -------------------------------------------------------
 

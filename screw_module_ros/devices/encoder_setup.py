@@ -23,6 +23,9 @@ _CODE_SEQUENCE_BIT = 0x0001
 _SCALING_BIT = 0x0004
 _STEP_TOLERANCE = 1e-3
 
+OPERATING_STATUS, ALARM, WARNING = 0x6500, 0x6503, 0x6505
+#: What is asked for now and then; an encoder need not have it.
+SLOW_STATUS = (OPERATING_STATUS, ALARM, WARNING)
 #: Object 6503, alarms; bits 12 to 15 are the manufacturer's.
 ALARMS = {0: "position error", 1: "commissioning diagnostics"}
 #: Object 6505, warnings.

@@ -338,10 +338,23 @@ class Bench:
     # Running -------------------------------------------------------------------------------
 
     def ticks(self, count: int) -> list[Row]:
-        """Run `count` ticks; return their rows."""
-        for _ in range(count):
-            self.tick()
+        """Run `count` ticks; return their rows. The drive is asked for what it does not report."""
+        end = len(self.rows) + count
+        while len(self.rows) < end:
+            if self.drive.poll_due(self.now_ns):
+                self.poll_slow()
+            else:
+                self.tick()
         return self.rows[-count:]
+
+    def poll_slow(self) -> None:
+        """Ask the vertical drive for what it does not report by itself, as its node does."""
+
+        def ask(_clock: Clock) -> str:
+            self.drive.poll_slow()
+            return ""
+
+        self._asking(ask)
 
     def seconds(self, duration: float) -> list[Row]:
         """Run for `duration` [s] of simulated time; return the rows."""

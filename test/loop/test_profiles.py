@@ -11,6 +11,7 @@ from screw_module_ros.devices.errors import NotConfigured
 from screw_module_ros.devices.force_sensors import PROTOCOLS
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.rig.build import SENSORS
+from screw_module_ros.settings import SettingError
 from screw_module_ros.trials.one_thread import Bench
 
 pytestmark = pytest.mark.long
@@ -149,6 +150,50 @@ def test_what_stands_in_for_a_guard_is_written_and_told(ready, name, guards, sub
         assert bench.rig.devices["drive"].node.value(index, subindex) == value
 
 
+def test_a_guard_that_a_word_replaces_is_a_danger_told_at_each_enabling(ready):
+    """EPOS4: our heartbeat has to do for the command deadline; its current limit is written."""
+    told = ready(drive="epos4").drive.danger
+    assert told.startswith("DANGER") and told.count("DANGER") == 1
+    assert "without command deadline 1400:05; in its place only: our heartbeat" in told
+    assert ready(drive=profiles.GENERIC_402).drive.danger == ""
+
+
+def test_words_alone_enable_no_drive(unready):
+    """Seven texts for seven guards, in place of what holds the torque back."""
+    bench = unready(drive="ingenia", word=False)
+    words = tuple(profiles.Substitute(guard, "the maker says so") for guard in profiles.GUARDS)
+    make = bench.drive.make
+    bench.drive.make = make._replace(drive=make.drive._replace(substitutes=words))
+    bench.ready()
+    assert "master_heartbeat" in missing(bench)
+    assert "allow_no_heartbeat" in bench.enable()
+    assert not bench.torque_passes
+
+
+@pytest.mark.parametrize(
+    ("substitute", "wrong"),
+    [
+        ("{guard: fault_reaction, text: so}", "fault_reaction: a text alone holds no torque back"),
+        ("{guard: master_heartbeat, text: so, relies_on: [lost_connection]}",
+         "master_heartbeat: only a deadline for commands replaces watching our heartbeat"),
+        ("{guard: master_heartbeat, text: so, relies_on: [command_deadline]}", ""),
+        ("{guard: master_heartbeat, text: so, objects: "
+         "[{object: '2F75', size: 2, quantity: deadline_periods}]}", ""),
+    ],
+)  # fmt: skip
+def test_what_a_profile_may_put_in_place_of_a_guard(tmp_path, substitute, wrong):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "format: screw_module_ros/device\nversion: 1\nkind: drive\nmake: mine\ntried: nowhere\n"
+        f"sources: []\ndrive:\n  substitutes:\n    - {substitute}\n"
+    )
+    if wrong:
+        with pytest.raises(SettingError, match=wrong):
+            profiles.load(str(file))
+    else:
+        assert profiles.load(str(file)).drive.substitutes[0].guard == "master_heartbeat"
+
+
 def test_a_substitute_that_is_refused_leaves_the_guard_missing(ready):
     bench = ready(drive="epos4", lacking=(0x3001, 2))
     assert missing(bench) == {"torque_limit"}
@@ -170,9 +215,8 @@ def test_the_mode_is_read_where_the_drive_cannot_map_it(robot):
     """SimplIQ: 603F and 6061 come by SDO. A drive that leaves torque mode is stopped then."""
     bench = robot(drive="elmo_simpliq")
     bench.rig.inject("drive", "mode_lost", 0.0, 1.0, bench.now_ns)
-    bench._asking(lambda clock: bench.drive.poll_slow() or "")
-    bench.seconds(0.05)
-    assert "left torque mode" in bench.axis.permit.reason
+    bench.seconds(0.5)
+    assert "is not in torque mode 4" in bench.axis.permit.reason
 
 
 def test_nobody_else_commands_a_drive_by_a_pdo_that_cannot_be_disabled(robot):

@@ -24,7 +24,7 @@ from .node import Node
 from .states import ERROR, OK, WARN, Health, broken_contract
 from .topics import requested
 
-_SLOW_POLL_S = 0.5
+_SLOW_POLL_S = 0.2
 _ASKED_EARLY = "asked for while the drive was made ready: call ~/enable again"
 _CLEARED = "cleared; call ~/enable to enable"
 VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
@@ -57,6 +57,7 @@ class DriveNode(DriverNode):
 
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
+        self._poll_slow()  # the mode, where nothing has brought it of late
         return self._senders.count() or self.prepare() or self.permit.enable(self.clock)
 
     def prepare(self) -> str:
