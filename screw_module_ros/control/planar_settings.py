@@ -21,7 +21,7 @@ class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
 
     The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more. The largest torques
-    are those of the force limit of 45 N (10 lbf, thesis 2.1.1) at each link. arm: its links.
+    are those of the force limit of 45 N at each link (D; 44.5 N in 2.1.1). arm: its links.
     """
 
     stiffness: Annotated[

@@ -280,7 +280,7 @@ def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:
 
 
 def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
-    """Return the force that accelerates a share of the mass for the hand [N] (thesis 6.4.3).
+    """Return the force that accelerates a share of the mass for the hand [N]; ours.
 
     A force gain k leaves the hand with M / (1 + k). The share is for a mass that was measured: one
     too large would leave less than none. The filter's lag is a negative damper, which swings a
@@ -294,7 +294,7 @@ def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
 def _fed_back(
     p: VerticalSettings, s: VerticalState, remainder: float, error: float, dt: float
 ) -> float:
-    """Return the force feedback [N] (thesis 6.4.3, eqs 6.5 to 6.8).
+    """Return the force feedback [N] (thesis 6.4.3, eqs 6.6 to 6.8).
 
     Fpd + Fp is due to friction and inertia; a gain divides it by 1 + gain. It has no integral, so a
     limit downstream causes no windup. remainder: Fp filtered; error: OBSERVER filters the sum [N].

@@ -243,6 +243,6 @@ def draw(result: Result) -> Drawn:
 
 
 EXPERIMENT = Experiment(
-    NAME, "delivered impedance at the handle in each mode, and the module's certificate (7.1)",
+    NAME, "delivered impedance at the handle in each mode, and the module's certificate",
     Settings, run, draw, HUMAN_ARM, ("stability",),
 )  # fmt: skip

@@ -28,7 +28,7 @@ from .trials import DIRECTIONS, StageTrial
 NAME = "friction_map"
 _BY_EYE = (
     "the thesis reads 40 N s/m off fig 5-10, and the polynomials of 5.2.5, fitted to the same data "
-    "and given to the plant, have about 18 N s/m there"
+    "and given to the plant, have about 18 N s/m there (docs/contradictions.md)"
 )
 THESIS = {
     "stribeck_up": Published("stribeck_speed", 0.007, given_to_plant=True),

@@ -6,10 +6,10 @@ degrees of freedom as a `FrictionBranch`, with parameters of similar size: Cheby
 over the range of heights instead of powers of millimetres, and a speed factor that is one at
 `REFERENCE` and continuous at its knee, so that no parameter is redundant.
 
-A grid search finds phase and flip of the ripple on the means over the speeds, as in the thesis.
-Then all cells of both directions are fitted together. Trend and ripple are linear parameters and
-are solved for exactly in each step; the optimiser varies only the phase and the speed factors
-(variable projection: golub1973).
+A grid search finds phase and flip of the ripple on the means over the speeds; the thesis found them
+on these means by eye. Then all cells of both directions are fitted together. Trend and ripple are
+linear parameters and are solved for exactly in each step; the optimiser varies only the phase and
+the speed factors (variable projection: golub1973).
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from .trials import DIRECTIONS
 
 NAME = "friction_model"
 # The factors are those of the printed formulas at 150 and 0.5 mm/s; in words the thesis has about
-# 1.3, and 0.75 at the lowest speeds. The viscous value is the middle of the printed range, which is
-# one for both directions.
+# 1.3, and 0.75 at the lowest speeds (docs/contradictions.md). The viscous value is the middle of
+# the printed range, which is one for both directions.
 THESIS = {
     "factor_fastest_up": Published("up_high_speed", 0.1, given_to_plant=True, computed=1.301),
     "factor_slowest_up": Published("up_low_speed", 0.1, given_to_plant=True, computed=0.680),

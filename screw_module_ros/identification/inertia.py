@@ -8,7 +8,7 @@ thesis. Force of the hand minus modelled friction and weight should equal mass t
 The thesis shifts one curve against the other for the least spread of their ratio, and divides
 sample by sample. Ours is a robust regression over all samples for the mass and the errors of the
 friction model, without division and shift. The errors are a viscous part, a Coulomb part, a
-constant, and a part proportional to the load: friction depends on the load (5.2.4), and the hand
+constant, and a part proportional to the load: friction depends on the load (5.2.5), and the hand
 pushes harder here than the stage.
 """
 

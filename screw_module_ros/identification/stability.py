@@ -317,7 +317,7 @@ def draw(result: Result) -> Drawn:
         )  # fmt: skip
         said.set_in_layout(False)
     figure.suptitle(
-        "Largest force gain of the linear loop (7.1); dashed: the thesis's 5", x=0.01, ha="left"
+        "Largest force gain of the linear loop; dashed: the thesis's 5", x=0.01, ha="left"
     )
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return {"stability": figure}

@@ -85,9 +85,9 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
 
     It changes friction (level, ripples, phases, slopes, shape of the trend, stiction, Stribeck,
     bristles, load, slip, warm-up), masses and with them gravity, the motor constant, dead zone and
-    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer. The
-    changes are about as large as the differences between two modules, or of one module before and
-    after disassembly (thesis 5.1.1).
+    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer. How
+    large the differences of two modules are is ours; the thesis says only that its friction holds
+    for one prototype until it is taken apart (5.1.1).
     """
     draw = random.Random(f"plant {seed}")
 

@@ -107,7 +107,7 @@ def test_unstable_loops_grow_as_their_eigenvalue_says(law, sampling, mount):
 
 
 def test_the_linear_law_is_force_feedback_as_the_thesis_writes_it():
-    """Without a filter's delay, command = -(1 + k) K z + k Fp (eqs 6.5, 6.6) for slow inputs."""
+    """Without a filter's delay, command = -(1 + k) K z + k Fp (eqs 6.3 to 6.6) for slow inputs."""
     a, b, c, d = linear_law(FEEDBACK_LAW.with_gain(4.0), 1e-3)
     slow = d + c @ np.linalg.solve(np.eye(len(a)) - a, b)
     assert slow == pytest.approx([-(1.0 + 4.0) * USUAL.stiffness, 4.0], rel=1e-4)

@@ -75,7 +75,7 @@ def test_forty_frequencies_a_decade_of_whole_cycles(tmp_path):
 
 
 def test_known_dynamics_tell_the_delay_and_a_wire_does_not(tmp_path):
-    """Thesis 4.1.4; the resonance, at 3595 Hz, folds to 405 Hz (4.1.3)."""
+    """Thesis 4.1.4; the resonance, at 3595 Hz, folds to 405 Hz (4.1.3 has 3600 and 400)."""
     keep_line(tmp_path)
     result, _ = found(tmp_path, "torque_response", Motor(), **FEW)
     assert result.value("resonance_seen") == pytest.approx(405.0, abs=1.0)
