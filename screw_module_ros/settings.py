@@ -39,6 +39,8 @@ class Setting(NamedTuple):
     live: may change while the node is configured or active
     at_start: set when the process starts and fixed from then on: a sender of messages must not
         choose where the node writes
+    formerly: name until the last release, still taken for this one where a node starts, with a
+        warning; empty for none
     """
 
     text: str
@@ -48,6 +50,7 @@ class Setting(NamedTuple):
     choices: tuple = ()
     live: bool = False
     at_start: bool = False
+    formerly: str = ""
 
 
 class Field(NamedTuple):

@@ -14,7 +14,7 @@ import yaml
 from .settings import SettingError, read, shown
 
 VERSION = 1
-"""Version of every file with a `format`."""
+"""Version of the files with a `format`, where the reader names no other."""
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
@@ -62,19 +62,19 @@ def load(path: str | Path) -> Any:
     return parse(read_text(path), str(path))
 
 
-def read_file(path: str | Path, kind: type, form: str = "") -> Any:
+def read_file(path: str | Path, kind: type, form: str = "", version: int = VERSION) -> Any:
     """Return a YAML file as the record `kind`.
 
-    form: wanted value of the file's key `format`, empty for a file without one. Raises SettingError
-    naming the file, the key and the problem.
+    form, version: wanted values of the file's keys of these names; form is empty for a file without
+    them. Raises SettingError naming the file, the key and the problem.
     """
     content = load(path)
     if form and isinstance(content, dict):
         found = content.pop("format", None), content.pop("version", None)
-        if found != (form, VERSION) or isinstance(found[1], bool):  # True equals 1
+        if found != (form, version) or isinstance(found[1], bool):  # True equals 1
             raise SettingError(
                 f"{path}: format = {shown(found[0])} and version = {shown(found[1])}: "
-                f"{form!r} and {VERSION} are wanted"
+                f"{form!r} and {version} are wanted"
             )
     try:
         return read(kind, content)

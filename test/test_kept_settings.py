@@ -44,6 +44,7 @@ def test_its_settings_are_the_kept_ones(name, kept):
                 *map(repr, field.setting.choices),
                 *(["live"] if field.setting.live else []),
                 *(["at start"] if field.setting.at_start else []),
+                *([f"formerly {field.setting.formerly}"] if field.setting.formerly else []),
             )
         )
         for field in fields(record).values()

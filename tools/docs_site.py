@@ -26,7 +26,7 @@ import click
 
 import isolation
 from screw_module_ros import graph, session_command
-from screw_module_ros.calibration.certificate import Certificate
+from screw_module_ros.calibration.gain_limits import GainLimits
 from screw_module_ros.calibration.module import ModuleCalibration
 from screw_module_ros.profiles import Profile
 from screw_module_ros.programs import PROGRAMS
@@ -227,8 +227,8 @@ FILES = (
     ("Calibration", ModuleCalibration, "Of one module, written by "
      "[`characterize`](../docs/characterization.md); `friction` and `linearization` may also stand "
      "in files of their own."),
-    ("Certificate", Certificate, "The largest force gains of one module: "
-     "[the certificate](../docs/characterization.md#the-certificate)."),
+    ("Gain limits", GainLimits, "The largest force gains of one module in a linear model: "
+     "[gain limits](../docs/characterization.md#gain-limits-of-a-linear-model). Version 2."),
 )  # fmt: skip
 
 

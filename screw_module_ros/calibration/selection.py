@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration that a node's parameters name: certificate, friction model or linearization."""
+"""The calibration that a node's parameters name: gain limits, friction model or linearization."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..control.linearization import Linearization, default_linearization
 from ..control.vertical_settings import VerticalSettings
 from ..resources import resource_path
 from ..settings import Setting, SettingError
-from .certificate import Certificate, load_certificate
+from .gain_limits import GainLimits, load_gain_limits
 from .module import (
     THESIS_FILE,
     ModuleCalibration,
@@ -33,18 +33,20 @@ class CalibrationSettings(NamedTuple):
     ] = ""
 
 
-class CertificateSettings(NamedTuple):
-    """Parameters of a node that keeps to a module's certificate."""
+class GainLimitsSettings(NamedTuple):
+    """Parameters of a node that keeps to a module's gain limits."""
 
-    certificate_file: Annotated[
-        str, Setting("certificate of the module, empty for none")
+    gain_limits_file: Annotated[
+        str, Setting("gain limits of a linear model of the module, empty for none",
+                     formerly="certificate_file")
     ] = ""
-    certificate_required: Annotated[
-        bool, Setting("refuse modes with force feedback or observer without a certificate")
+    gain_limits_required: Annotated[
+        bool, Setting("refuse modes with force feedback or observer without gain limits",
+                      formerly="certificate_required")
     ] = True
-    uncertified_gains: Annotated[
-        bool, Setting("also take force gains beyond the certificate's, and its conditions; or "
-                      "none, where one is required")
+    beyond_gain_limits: Annotated[
+        bool, Setting("also take force gains beyond the gain limits and their conditions; or "
+                      "without limits, where they are required", formerly="uncertified_gains")
     ] = False
 
 
@@ -104,13 +106,13 @@ def chosen_calibration(
     return load_module_calibration(path, settings.module_serial)
 
 
-def chosen_certificate(settings: CertificateSettings, serial: str) -> Certificate | None:
-    """Return the certificate that the settings name, None without one. Raises SettingError.
+def chosen_gain_limits(settings: GainLimitsSettings, serial: str) -> GainLimits | None:
+    """Return the gain limits that the settings name, None without a file. Raises SettingError.
 
     serial: of the connected module.
     """
-    path = settings.certificate_file
-    return load_certificate(path, serial) if path else None
+    path = settings.gain_limits_file
+    return load_gain_limits(path, serial) if path else None
 
 
 def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:

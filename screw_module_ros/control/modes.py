@@ -47,7 +47,7 @@ def uses_observer(mode: int) -> bool:
 FORCE_GAINS = {"force_gain": uses_feedback, "observer_gain": uses_observer}
 """Settings of the law with which it feeds the handle's force back -> whether a mode does.
 
-A mode with one of them needs a force sample, and its gain is one of the certificate's.
+A mode with one of them needs a force sample, and its gain is one that gain limits hold for.
 """
 
 

@@ -10,7 +10,7 @@ from ..geometry import MANUS, PlanarArm
 from ..settings import Setting, validated
 
 STUDIED_GAIN = 9.0
-"""Force gain of the study (docs/studies.md). The default is none: nothing certifies a plane."""
+"""Force gain of the study (docs/studies.md). The default is none: a plane has no known limits."""
 DELAY = 0.008
 """From a position to its torque, with the velocity filter of 30 Hz and 1.5 periods [s]."""
 DAMPING_RATIO = 0.25

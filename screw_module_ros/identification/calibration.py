@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the files of a module from the results: its calibration and its certificate.
+"""Writes the files of a module from the results: its calibration and its gain limits.
 
-Controller and amplifier load the calibration. The certificate lists the delivered impedance at the
-handle and the margins of the gains; `delivered_impedance` writes it.
+Controller and amplifier load the calibration. The gain limits of a linear model stand beside the
+impedance that the handle delivers; `delivered_impedance` writes them.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import yaml
 
-from ..calibration.certificate import FORMAT, Conditions, law_version, text_checksum
+from ..calibration import gain_limits
+from ..calibration.gain_limits import Conditions, Loads, law_version, text_checksum
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
 from ..control.vertical_settings import VerticalSettings
 from ..files import replace
 from ..settings import Setting, fields
-from ..settings_file import VERSION
 from . import friction_model, gravity, inertia, stability, static_torque
 from .force_metric import apparent_mass
 from .lab import Lab, MissingResult
@@ -83,25 +83,22 @@ EXPERIMENT = Experiment(
 )  # fmt: skip
 
 
-# The certificate -----------------------------------------------------------------------
+# The gain limits -----------------------------------------------------------------------
 
-CERTIFICATE = "module_certificate.yaml"
-_MET = ("hand", "heavy_arm", "wall")
-"""Environments of `stability` on which a permitted gain is stable. On a light mass against a wall
-and in a soft grip hardly any is; there the guard ends the oscillation."""
+GAIN_LIMITS = "module_gain_limits.yaml"
 _SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
 _SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 
 
-def write_certificate(lab: Lab, result: Result, serial: str) -> None:
-    """Write the certificate into the lab's folder, with gains if `stability` has a result.
+def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
+    """Write the file into the lab's folder, with gains if `stability` has a result.
 
     result: of `delivered_impedance`; serial: of the module. The checksum covers the text before
     it. Raises OSError.
     """
     content: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": gain_limits.FORMAT,
+        "version": gain_limits.VERSION,
         "serial": serial,
         "date": _now(),
         "software": software(),
@@ -113,7 +110,7 @@ def write_certificate(lab: Lab, result: Result, serial: str) -> None:
     content |= _gains(lab)
     text = _yaml(content)
     text += _yaml({"sha256": text_checksum(text)})
-    replace(lab.folder / CERTIFICATE, text)
+    replace(lab.folder / GAIN_LIMITS, text)
 
 
 def _now() -> str:
@@ -180,7 +177,7 @@ def software() -> str:
 
 
 def _gains(lab: Lab) -> dict[str, Any]:
-    """Return largest stable gains with margins over the defaults, permitted gains and conditions.
+    """Return largest stable gains with margins over the defaults, limits and conditions.
 
     Raises MissingResult if the gains are of another version of the law or of other masses, or kept
     no conditions.
@@ -203,9 +200,19 @@ def _gains(lab: Lab) -> dict[str, Any]:
             f"the result of {stability.NAME} does not say with which {min(missing)} its gains were "
             f"found, an older version wrote it: run {stability.NAME} again"
         )
-    usual, ranges = VerticalSettings(), fields(VerticalSettings)
+    usual = VerticalSettings()
     found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
-    stable = {law: min(found[f"{law}_{met}"].value for met in _MET) for law in _SETTINGS}
+    stable: dict[str, dict[str, float]] = {}  # load -> setting -> largest stable gain
+    for name, q in found.items():
+        law, _, load = name.partition("_")
+        stable.setdefault(load, {})[_SETTINGS[law]] = q.value
+    limiting = {load: _rounded_down(stable[load]) for load in Loads._fields}
+    most = {name: min(on[name] for on in limiting.values()) for name in _SETTINGS.values()}
+    exceeded = {
+        load: {name: round(gain, 2) for name, gain in on.items() if gain < most[name]}
+        for load, on in stable.items()
+        if load not in limiting
+    }
     return {
         "largest_gains": {
             name: {
@@ -216,13 +223,19 @@ def _gains(lab: Lab) -> dict[str, Any]:
             }
             for name, q in found.items()
         },
-        # The smallest stable gain, rounded down, within the range of its setting.
-        "permitted_gains": {
-            name: math.floor(100.0 * min(stable[law], ranges[name].setting.high)) / 100.0
-            for law, name in _SETTINGS.items()
-        },
+        "largest_gains_on": limiting,
+        "exceeds": {load: on for load, on in exceeded.items() if on},
         # To the last bit: the controller compares them.
         "conditions": {name: gains.settings[name] for name in Conditions._fields},
+    }
+
+
+def _rounded_down(gains: dict[str, float]) -> dict[str, float]:
+    """Return gains by the law's settings, rounded down and within the settings' ranges."""
+    ranges = fields(VerticalSettings)
+    return {
+        name: math.floor(100.0 * min(gain, ranges[name].setting.high)) / 100.0
+        for name, gain in gains.items()
     }
 
 

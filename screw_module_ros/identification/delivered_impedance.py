@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delivered impedance at the handle in each mode, and the module's certificate (a tool as
-7.1 asks for one; ours).
+"""Delivered impedance at the handle in each mode, and the module's gain limits (a tool
+as 7.1 asks for one; ours).
 
 A firm hand moves the handle in sines of 0.5 to 30 Hz. The ratio of its force to the handle's
 velocity is the impedance Z(jw) = B + j (w M - K / w), with friction as its first harmonic. On a
-simulated module the hand also holds still and lets go, and a wall holds the handle. The certificate
+simulated module the hand also holds still and lets go, and a wall holds the handle. The file
 lists apparent mass, damping and stiffness of every mode beside the commanded ones, the friction
 felt, the trials at rest, and the largest stable gains with their margins.
 """
@@ -30,7 +30,7 @@ from .trials import TRUTH, Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
 RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
-"""Trials of `force_error` at rest, by their names in the certificate."""
+"""Trials of `force_error` at rest, by their names in the file."""
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
@@ -53,7 +53,7 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure every mode; write the certificate into the lab's folder.
+    """Measure every mode; write the gain limits into the lab's folder.
 
     Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. The trials at rest
     need the true force of a simulated module. Raises ValueError, Cancelled, NotPossible.
@@ -88,7 +88,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     if TRUTH in lab.bench.offers:
         quantities += _at_rest(lab, usual)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
-    calibration.write_certificate(lab, result, serial)
+    calibration.write_gain_limits(lab, result, serial)
     return result
 
 
@@ -243,6 +243,6 @@ def draw(result: Result) -> Drawn:
 
 
 EXPERIMENT = Experiment(
-    NAME, "delivered impedance at the handle in each mode, and the module's certificate",
+    NAME, "delivered impedance at the handle in each mode, and the module's gain limits",
     Settings, run, draw, HUMAN_ARM, ("stability",),
 )  # fmt: skip

@@ -90,7 +90,7 @@ Linear = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """A, B, C, D; inputs: height of the nut [m], force [N]; output: command [N]."""
 
 
-@functools.lru_cache(maxsize=8192)  # a certificate asks for 1 200, by the same steps of gain
+@functools.lru_cache(maxsize=8192)  # gain limits ask for 1 200, by the same steps of gain
 def linear_law(law: Law, period: float) -> Linear:
     """Return the law about a handle that is pressed with 5 N, by differences of its step.
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..calibration.certificate import conditions_of, law_version
+from ..calibration.gain_limits import conditions_of, law_version
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated

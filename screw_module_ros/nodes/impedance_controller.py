@@ -14,12 +14,12 @@ from screw_module_msgs.msg import ExcitationRequest, ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
-from screw_module_ros.calibration.certificate import Certificate
+from screw_module_ros.calibration.gain_limits import GainLimits
 from screw_module_ros.calibration.selection import (
     CalibrationSettings,
-    CertificateSettings,
-    chosen_certificate,
+    GainLimitsSettings,
     chosen_friction,
+    chosen_gain_limits,
 )
 from screw_module_ros.control.excitation import Excitation, from_numbers
 from screw_module_ros.control.guard import guarded
@@ -53,9 +53,9 @@ from .support.topics import Newest, SlotInbox, offered, requested
 from .support.wire import pack_command
 
 _SAFETY_AGE_NS = 200_000_000
-_UNCERTIFIED = (
-    "this mode feeds the handle's force back, and the module has no certificate: "
-    "set uncertified_gains on your own word, as it must be for the trials that measure one too"
+_WITHOUT_LIMITS = (
+    "this mode feeds the handle's force back, and the module has no gain limits of its own: "
+    "set beyond_gain_limits on your own word, as it must be for the trials that write them too"
 )
 _NO_LEASE = (
     "mode EXCITATION is a trial's, whose sender repeats its ExcitationRequest while the torque is "
@@ -95,12 +95,12 @@ class ImpedanceControllerNode(Node):
     def __init__(self) -> None:
         super().__init__("impedance_controller")
         self.parameters.declare(
-            ControllerSettings, CalibrationSettings, CertificateSettings, RateSettings,
+            ControllerSettings, CalibrationSettings, GainLimitsSettings, RateSettings,
             VerticalSettings, watch=WatchSettings, agreement=AgreementSettings, slot=SlotLimits,
         )  # fmt: skip
         self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
-        self._certificate: Certificate | None = None
+        self._limits: GainLimits | None = None
         self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
         self.periodic.every(self.clock, _PUT_BACK_S, self._end_lease)
         impedance = partial(set_impedance, self.parameters, VerticalSettings)
@@ -110,11 +110,11 @@ class ImpedanceControllerNode(Node):
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Load certificate and calibration or friction model, and make the topics."""
+        """Load gain limits and calibration or friction model, and make the topics."""
         self._leave_calibration()
         chosen = self.parameters.read(ControllerSettings)
-        self._certificate = chosen_certificate(
-            self.parameters.read(CertificateSettings),
+        self._limits = chosen_gain_limits(
+            self.parameters.read(GainLimitsSettings),
             self.parameters.read(CalibrationSettings).module_serial,
         )
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
@@ -141,17 +141,29 @@ class ImpedanceControllerNode(Node):
         law = known = self.parameters.read(VerticalSettings).validated()
         if chosen.gravity is not None:
             known = law.calibrated(chosen.gravity, chosen.mass)
-        if self._certificate and not self.parameters.read(CertificateSettings).uncertified_gains:
-            known = self._certificate.chosen(known)
+        if self._limits and not self.parameters.read(GainLimitsSettings).beyond_gain_limits:
+            known = self._limits.chosen(known)
         if refused := self._problem(known, own.mode):
             raise ValueError(refused)
         values = {name: new for name, new in known._asdict().items() if new != getattr(law, name)}
         if refused := self.parameters.write(**values):
-            raise ValueError(f"the module's calibration and certificate: {refused}")
+            raise ValueError(f"the module's calibration and gain limits: {refused}")
         self._replaced = {name: (getattr(law, name), new) for name, new in values.items()}
         for name, (before, now) in self._replaced.items():
             self.get_logger().info(f"this module's {name}: {now:g} (the parameter was {before:g})")
         self._name_calibration()
+        if self._limits:
+            self._tell_limits(self._limits, known)
+
+    def _tell_limits(self, limits: GainLimits, law: VerticalSettings) -> None:
+        """Log what the gains in use are worth in the model from which their limits come."""
+        if limits.outdated:
+            self.get_logger().warning(limits.outdated)
+        elif exceeded := limits.exceeded(law):
+            self.get_logger().warning(
+                f"gain limits are those of a linear model, in which these gains are unstable on "
+                f"some loads (largest stable gain): {exceeded}; there the guard ends what grows"
+            )
 
     def _leave_calibration(self) -> None:
         """Undo what the last module's calibration set, unless somebody has changed it since."""
@@ -197,12 +209,12 @@ class ImpedanceControllerNode(Node):
         self._put_back()
 
     def disconnect(self) -> None:
-        """No certificate holds any more."""
-        self._certificate = None
+        """No gain limits hold any more."""
+        self._limits = None
         super().disconnect()
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
-        """Return why the law cannot run with these parameters, or goes beyond the certificate.
+        """Return why the law cannot run with these parameters, or goes beyond its gain limits.
 
         Before it is configured there is none: `connect` loads it, and compares the law with it.
         """
@@ -226,14 +238,16 @@ class ImpedanceControllerNode(Node):
     def _problem(self, law: VerticalSettings, mode: int) -> str:
         if mode == EXCITATION and not self._before_trial:
             return _NO_LEASE
-        certified = self.parameters.read(CertificateSettings)
-        if certified.uncertified_gains:
+        own, limits = self.parameters.read(GainLimitsSettings), self._limits
+        if own.beyond_gain_limits:
             return law.refusal(mode)
-        if self._certificate is None:
-            lacking = certified.certificate_required and uses_force(mode)
-            return _UNCERTIFIED if lacking else law.refusal(mode)
+        if own.gain_limits_required and uses_force(mode):
+            if limits is None:
+                return _WITHOUT_LIMITS
+            if limits.outdated:
+                return limits.outdated
         rate = self.parameters.read(RateSettings).rate
-        return self._certificate.refusal(law, mode, rate) or law.refusal(mode)
+        return (limits.refusal(law, mode, rate) if limits else "") or law.refusal(mode)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
@@ -348,7 +362,8 @@ class ImpedanceControllerNode(Node):
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": ALL_NAMES[controller.mode],
             "calibration": state.calibration,
-            "certificate": self._certificate.identity if self._certificate else "none",
+            "gain limits": self._limits.identity if self._limits else "none",
+            "unstable in the linear model": self._exceeded(),
             "slot refused": self._slot.refused or "no",
         }
         if controller.reason:
@@ -358,6 +373,12 @@ class ImpedanceControllerNode(Node):
         if warning := broken_contract(state):
             return Health(WARN, warning, values)
         return Health(OK, f"running in {ALL_NAMES[controller.mode]}", values)
+
+    def _exceeded(self) -> str:
+        """Return which gains in use are unstable in the limits' model, and on which loads."""
+        if self._limits is None or self._limits.outdated:
+            return "not known"
+        return self._limits.exceeded(self.part.settings) or "none"
 
     def _age_text(self, now_ns: int) -> str:
         sample = self.part.answered

@@ -49,7 +49,7 @@ def test_impedance_is_spring_and_gravity():
 
 @pytest.mark.parametrize("mode", modes.MODE_NAMES)
 def test_what_feeds_the_force_back_is_known_to_need_a_force_sample(mode):
-    """The gates of force sample and certificate ask `uses_force`: a mode must not pass by them."""
+    """The gates of force sample and gain limits ask `uses_force`: a mode must not pass by them."""
     at_rest = REST._replace(mode=mode, position=0.18)
     pushed, pulled = (run(at_rest._replace(force=force))[0].force for force in (3.0, -3.0))
     assert (pushed != pulled) == modes.uses_force(mode)

@@ -12,6 +12,12 @@ from typing import Any
 from file_damage import NOTES
 from runner import sentence
 
+from screw_module_ros.calibration.gain_limits import (
+    conditions_of,
+    law_version,
+    load_gain_limits,
+    text_checksum,
+)
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,
@@ -22,6 +28,7 @@ from screw_module_ros.calibration.module import (
     write_calibration,
 )
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS, settings_from_yaml
 from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.support.arguments import arguments, overrides, sections
@@ -34,6 +41,25 @@ _ODD = (
     "[]", "{}", "[1, [2, [3]]]", "*i", "? [a, b]\n: c", "'unclosed", "-0.0", "1:2:3", "0b1",
     "1_000", "~", "9" * 400,
 )  # fmt: skip
+
+
+_GAINS = "{force_gain: 3.5, observer_gain: 4.9}"
+
+
+def _gain_limits() -> list[str]:
+    """Return a file of gain limits, and one of the last release, a certificate."""
+    common = (
+        f"serial: SIM-1\ndate: '2001-05-11T09:30:00Z'\nlaw: '{law_version()}'\n"
+        "conditions:\n"
+    )
+    for name, value in conditions_of(VerticalSettings(), 1e3, 1e-3, 30.0)._asdict().items():
+        common += f"  {name}: {value}\n"
+    texts = (
+        f"format: screw_module_ros/gain_limits\nversion: 2\nlargest_gains_on:\n  hand: {_GAINS}\n"
+        f"  heavy_arm: {_GAINS}\n  wall: {_GAINS}\nexceeds:\n  soft_grip: {_GAINS}\n{common}",
+        f"format: screw_module_ros/certificate\nversion: 1\npermitted_gains: {_GAINS}\n{common}",
+    )
+    return [f"{text}sha256: {text_checksum(text)}\n" for text in texts]
 
 
 class YamlInputs:
@@ -63,6 +89,7 @@ class YamlInputs:
             ("friction", load_friction_model, [thesis, module]),
             ("linearization", load_linearization, [module, thesis]),
             ("module", lambda path: load_module_calibration(path, "SIM-1"), [module]),
+            ("gain limits", lambda path: load_gain_limits(path, "SIM-1"), _gain_limits()),
             ("plant", load_world, [plant]),
             ("protocol", load_protocol, protocols),
             ("parameter file", sections, [sim, bench]),

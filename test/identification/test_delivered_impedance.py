@@ -13,7 +13,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
-from screw_module_ros.identification.calibration import CERTIFICATE as FILE
+from screw_module_ros.identification.calibration import GAIN_LIMITS as FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
     _followed,
@@ -51,7 +51,7 @@ def test_coulomb_friction_is_found_beside_a_damper():
 
 @pytest.mark.parametrize("amplitude", [0.002, 0.0])
 def test_a_hand_that_cannot_follow_the_sine_is_told(amplitude):
-    """On hardware a person was asked for 30 Hz; the certificate showed noise over noise."""
+    """On hardware a person was asked for 30 Hz; the file showed noise over noise."""
     time = np.arange(0.0, 0.8, 1e-3)
     slow = amplitude * np.sin(2.0 * math.pi * 1.3 * time)
     trial = MotionTrial(modes.OFF, VerticalSettings(), omega=2.0 * math.pi * 30.0)
@@ -85,11 +85,11 @@ def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path, m
     assert result.value("stiffness_observer") == pytest.approx(100.0, abs=15.0)
     assert set(delivered_impedance.draw(result)) == {"impedance", "at rest"}
     text = (tmp_path / FILE).read_text(encoding="utf-8")
-    certificate = yaml.safe_load(text)
-    assert certificate["delivered"]["mass_observer"]["unit"] == "kg"
-    assert certificate["delivered"]["hold_travel_observer"]["value"] < 0.2e-3
-    assert "largest_gains" not in certificate, "nobody has looked for them"
-    assert certificate["serial"] == "SIM-0001"
+    limits = yaml.safe_load(text)
+    assert limits["delivered"]["mass_observer"]["unit"] == "kg"
+    assert limits["delivered"]["hold_travel_observer"]["value"] < 0.2e-3
+    assert "largest_gains" not in limits, "nobody has looked for them"
+    assert limits["serial"] == "SIM-0001"
     body, checksum = text.split("sha256: ")
     assert checksum.strip() == hashlib.sha256(body.encode()).hexdigest()
 

@@ -2,21 +2,24 @@
 """The sampled loop against integration in time, and against what is known in closed form."""
 
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from formula_bench import FormulaBench, keep
 
-from screw_module_ros.calibration.certificate import (
+from screw_module_ros.calibration.gain_limits import (
     FEEDBACK,
     LEAST,
     MOST,
     OBSERVED,
     Conditions,
+    Gains,
+    Loads,
     conditions_of,
     law_version,
-    load_certificate,
+    load_gain_limits,
 )
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
@@ -34,6 +37,7 @@ from screw_module_ros.identification.sampled_loop import (
     sampled,
 )
 from screw_module_ros.identification.trials import MOTION, RELEASE, Arm
+from screw_module_ros.settings import fields
 
 HAND, HEAVY, LIGHT_WALL = Arm(), Arm(30.0, 300.0, 30.0), Arm(1.0, 1e5, 30.0)
 USUAL = VerticalSettings()
@@ -196,7 +200,6 @@ def test_what_limits_is_what_helps_most_when_taken_away():
 RIGID = stability.Settings(mount_stiffness=0.0)
 
 
-CERTIFIED = ("hand", "heavy_arm", "wall")
 DELIVERED = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
 
 
@@ -218,8 +221,8 @@ def quickly(monkeypatch):
 
 
 def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
-    """The certificate permits what is stable on hand, heavy arm and damped wall."""
-    met = {name: stability.ENVIRONMENTS[name] for name in CERTIFIED}
+    """The limits are stable on hand, heavy arm and damped wall; the file names what they exceed."""
+    met = {name: stability.ENVIRONMENTS[name] for name in (*Loads._fields, "soft_grip")}
     monkeypatch.setattr(stability, "ENVIRONMENTS", met)
     result = stability.run(lab, RIGID)
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
@@ -232,12 +235,23 @@ def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
         assert over in axes.get_xlabel() and len(axes.lines) >= len(stability.CURVES)
     weighed = result.settings | {"masses": stability.IDENTIFIED}
     result._replace(settings=weighed).save(lab.folder)
-    calibration.write_certificate(lab, DELIVERED, "ARM-0007")
-    permitted = load_certificate(lab.folder / calibration.CERTIFICATE, "ARM-0007")
-    assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
-    for law, gain in zip(("feedback", "observer"), permitted.permitted_gains, strict=True):
-        least = min(result.value(f"{law}_{met}") for met in CERTIFIED)
+    calibration.write_gain_limits(lab, DELIVERED, "ARM-0007")
+    limits = load_gain_limits(lab.folder / calibration.GAIN_LIMITS, "ARM-0007")
+    assert limits.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
+    laws = ("feedback", "observer")
+    for law, gain, name in zip(laws, limits.largest, Gains._fields, strict=True):
+        found = {load: result.value(f"{law}_{load}") for load in met}
+        for load, gains in limits.largest_gains_on._asdict().items():
+            most = min(found[load], fields(VerticalSettings)[name].setting.high)
+            assert most - 0.01 <= getattr(gains, name) <= most
+        least = min(found[load] for load in Loads._fields)
         assert least - 0.01 <= gain <= least
+        assert limits.exceeds["soft_grip"][name] == round(found["soft_grip"], 2) < gain
+    assert set(limits.exceeds) == {"soft_grip"}
+    assert re.fullmatch(
+        r"force_gain \d\S* \(soft grip 0\.\d+\), observer_gain \d\S* \(soft grip 0\.\d+\)",
+        limits.exceeded(limits.chosen(VerticalSettings())),
+    )
 
 
 def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
@@ -255,12 +269,12 @@ def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
         ({}, "live graph, hardware, module ARM-0008", "from another bench .*ARM-0008"),
     ],
 )
-def test_gains_of_another_law_or_module_make_no_certificate(lab, change, bench, said):
+def test_gains_of_another_law_or_module_make_no_file(lab, change, bench, said):
     found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
     Result("stability", (), found | change, (), {}, bench).save(lab.folder)
     with pytest.raises(MissingResult, match=said):
-        calibration.write_certificate(lab, DELIVERED, "ARM-0007")
-    assert not list(lab.folder.glob("*module_certificate*")), "nor a half of one"
+        calibration.write_gain_limits(lab, DELIVERED, "ARM-0007")
+    assert not list(lab.folder.glob("*module_gain_limits*")), "nor a half of one"
 
 
 @pytest.mark.parametrize(
@@ -298,7 +312,7 @@ def permitted_with(conditions: Conditions) -> dict[str, float]:
 
 
 @pytest.mark.long
-def test_what_a_certificate_refuses_costs_margin():
+def test_what_the_limits_refuse_costs_margin():
     """More delay too, which the controller does not know; the velocity filter costs nothing.
 
     A slower loop has the same number of periods of delay, and with that more of it.
@@ -316,7 +330,7 @@ def test_what_a_certificate_refuses_costs_margin():
     assert permitted_with(loop._replace(velocity_cutoff=10.0)) == usual
 
 
-def test_the_certificate_is_for_mass_and_law_of_the_calibration(lab, quickly, monkeypatch):
+def test_the_limits_are_for_mass_and_law_of_the_calibration(lab, quickly, monkeypatch):
     """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses.
 
     The mass that the law carries costs margin; on a light wall no gain is left, which is said.

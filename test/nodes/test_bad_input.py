@@ -67,7 +67,7 @@ def test_a_malformed_friction_file(make_node, tmp_path):
 
 def test_observer_without_the_damper_it_needs(make_node):
     """The sentence says how much damping is wanted."""
-    words = ("-p", "mode:=5", "-p", "certificate_required:=false")
+    words = ("-p", "mode:=5", "-p", "gain_limits_required:=false")
     assert "needs a damping of" in refused(make_node("impedance_controller", *words))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controller and amplifier with a module's calibration and certificate: kept to, or refused."""
+"""Controller and amplifier with a module's calibration and gain limits: kept to, or refused."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState
 from screw_module_msgs.srv import SetControlMode
 
-from screw_module_ros.calibration.certificate import conditions_of, law_version, text_checksum
+from screw_module_ros.calibration.gain_limits import conditions_of, law_version, text_checksum
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,
@@ -165,24 +165,37 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
     assert calibrations(tmp_path / "bag") == {"/told_once/state": calibration.identity}
 
 
-CERTIFIED = "ARM-0007"
+LIMITED = "ARM-0007"
 CONDITIONS = conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
+LIMITS = """
+format: screw_module_ros/gain_limits
+version: 2
+largest_gains_on:
+  hand: {force_gain: 14.1, observer_gain: 23.0}
+  heavy_arm: {force_gain: 6.28, observer_gain: 16.0}
+  wall: {force_gain: 9.5, observer_gain: 12.6}
+exceeds: {soft_grip: {force_gain: 0.92, observer_gain: 0.51}}
+"""
+CERTIFICATE = """
+format: screw_module_ros/certificate
+version: 1
+permitted_gains: {force_gain: 6.28, observer_gain: 12.6}
+"""
 
 
 @pytest.fixture
 def controller(make_node, tmp_path):
-    """Return a function that makes a controller with a certificate of 6.28 and 12.6."""
-    file = tmp_path / "module_certificate.yaml"
+    """Return a function that makes a controller with gain limits of 6.28 and 12.6."""
+    file = tmp_path / "module_gain_limits.yaml"
 
-    def made(conditions=CONDITIONS, **others):
+    def made(conditions=CONDITIONS, kind=LIMITS, law=None, **others):
         text = (
-            f"format: screw_module_ros/certificate\nversion: 1\nserial: {CERTIFIED}\n"
-            f"date: '2026-11-22T09:30:00Z'\nlaw: '{law_version()}'\n"
-            "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
+            f"{kind}serial: {LIMITED}\ndate: '2026-11-22T09:30:00Z'\n"
+            f"law: '{law or law_version()}'\n"
         )
         text += yaml.safe_dump({"conditions": conditions._asdict()})
         file.write_text(f"{text}sha256: {text_checksum(text)}\n")
-        named = {"certificate_file": file, "module_serial": CERTIFIED, **others}
+        named = {"gain_limits_file": file, "module_serial": LIMITED, **others}
         return make_node("impedance_controller", *words(**named))
 
     return made
@@ -195,9 +208,9 @@ def changed(node, **values):
 
 
 @pytest.mark.parametrize("required", [False, True])
-def test_it_starts_with_the_gains_that_its_module_permits(controller, required):
+def test_it_starts_with_gains_within_its_modules_limits(controller, required):
     """Smaller ones stay; after the module is gone, those of the parameters are back."""
-    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, certificate_required=required)
+    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, gain_limits_required=required)
     for _ in range(2):
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
         assert node.get_parameter("force_gain").value == 6.28
@@ -209,7 +222,7 @@ def test_it_starts_with_the_gains_that_its_module_permits(controller, required):
     assert "6.28 at most" in changed(node, force_gain=8.0)
     node.trigger_deactivate()
     node.trigger_cleanup()
-    assert not changed(node, certificate_file="", certificate_required=False)
+    assert not changed(node, gain_limits_file="", gain_limits_required=False)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert node.get_parameter("force_gain").value == 8.0
     node.close()
@@ -222,7 +235,7 @@ def test_it_chooses_the_observer_s_gain_too(controller):
     node.close()
 
 
-def test_it_does_not_start_in_a_loop_slower_than_the_certificate_s(controller):
+def test_it_does_not_start_in_a_loop_slower_than_that_of_the_limits(controller):
     node = controller(mode=modes.FORCE_FEEDBACK, rate=500.0)
     assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
     assert not changed(node, rate=1000.0)
@@ -234,7 +247,7 @@ def test_no_gain_and_no_mode_goes_beyond_it(controller):
     node = controller(mode=modes.FORCE_FEEDBACK)
     node.trigger_configure()
     told = changed(node, force_gain=8.0)
-    assert "force_gain is 8" in told and CERTIFIED in told and "6.28 at most" in told
+    assert "force_gain is 8" in told and LIMITED in told and "6.28 at most" in told
     assert node.get_parameter("force_gain").value == 5.0
     assert not changed(node, mode=modes.IMPEDANCE)
     assert not changed(node, force_gain=8.0), "this mode does not use it"
@@ -245,21 +258,21 @@ def test_no_gain_and_no_mode_goes_beyond_it(controller):
     node.close()
 
 
-def test_a_live_parameter_does_not_leave_the_certificate_s_conditions(controller):
+def test_a_live_parameter_does_not_leave_the_conditions_of_the_limits(controller):
     node = controller(mode=modes.OBSERVER, damping=20.0)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-    assert "observer_inertia is 0.3, and the module's certificate" in changed(
+    assert "observer_inertia is 0.3, and the module's gain limits" in changed(
         node, observer_inertia=0.3
     )
-    assert not changed(node, mass=6.0), "more than in the certificate costs no margin"
+    assert not changed(node, mass=6.0), "more than in the file costs no margin"
     assert "mass is 5 kg" in changed(node, mass=5.0)
     node.close()
 
 
 def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
-    """A certificate of a module heavier than the default was refused with its own calibration."""
+    """The file of a module heavier than the default was refused with its own calibration."""
     heavy = ModuleCalibration(
-        CERTIFIED, "2026-11-22T09:00:00Z", "0.1.0", gravity_N=10.0, mass_kg=6.0,
+        LIMITED, "2026-11-22T09:00:00Z", "0.1.0", gravity_N=10.0, mass_kg=6.0,
         sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3), residuals={}, friction=thesis_friction(),
         linearization=default_linearization(),
     )  # fmt: skip
@@ -276,18 +289,91 @@ def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
     node.close()
 
 
-@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
-def test_where_a_certificate_is_required_feedback_needs_one_or_the_operators_word(controller, mode):
-    node = controller(certificate_file='""')
+@pytest.fixture
+def logged(monkeypatch):
+    """Return a function that has a node log into a list of its warnings, and returns it."""
+    said = []
+
+    def listen(node):
+        log = SimpleNamespace(info=lambda text: None, warning=said.append)
+        monkeypatch.setattr(node, "get_logger", lambda: log)
+        return said
+
+    return listen
+
+
+def diagnosed(node) -> dict[str, str]:
+    """Return the values of the node's diagnostics."""
+    return {key: str(value) for key, value in node.health().values.items()}
+
+
+def test_it_says_at_start_and_in_diagnostics_what_the_gains_in_use_exceed(controller, logged):
+    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0, observer_gain=0.4)
+    said = logged(node)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-    assert "has no certificate" in changed(node, mode=mode)
+    exceeded = "force_gain 6.28 (soft grip 0.92)"
+    (sentence,) = said
+    assert "linear model" in sentence and f": {exceeded};" in sentence
+    node.trigger_activate()
+    assert diagnosed(node)["unstable in the linear model"] == exceeded
+    assert LIMITED in diagnosed(node)["gain limits"]
+    assert not changed(node, force_gain=0.9)
+    assert diagnosed(node)["unstable in the linear model"] == "none"
+    node.close()
+
+
+def test_beyond_the_limits_it_also_names_the_loads_that_limit(controller, logged):
+    node = controller(beyond_gain_limits=True, force_gain=8.0, observer_gain=0.4)
+    said = logged(node)
+    node.trigger_configure()
+    assert "force_gain 8 (heavy arm 6.28, soft grip 0.92);" in said[0]
+    node.close()
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_an_old_file_limits_but_permits_no_force_feedback(controller, logged, required):
+    """Its law cannot be compared; where limits are not required it is one warning, no refusal."""
+    node = controller(
+        kind=CERTIFICATE, law="0123456789ab", force_gain=8.0, gain_limits_required=required
+    )
+    said = logged(node)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    (sentence,) = said
+    assert "is a certificate" in sentence and "module_gain_limits.yaml" in sentence
+    assert node.get_parameter("force_gain").value == 6.28
+    assert bool(changed(node, mode=modes.FORCE_FEEDBACK)) == required
+    assert not changed(node, mode=modes.FRICTION_COMPENSATION)
+    node.trigger_activate()
+    assert diagnosed(node)["unstable in the linear model"] == "not known"
+    node.close()
+
+
+def test_parameters_of_the_last_release_are_taken_by_their_old_names(make_node):
+    node = make_node(
+        "impedance_controller",
+        *words(certificate_required=False, uncertified_gains=True, certificate_file="old.yaml"),
+    )
+    values = [
+        node.get_parameter(name).value
+        for name in ("gain_limits_required", "beyond_gain_limits", "gain_limits_file")
+    ]
+    assert values == [False, True, "old.yaml"]
+    assert not node.has_parameter("certificate_required")
+    node.close()
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+def test_where_limits_are_required_feedback_needs_them_or_the_operators_word(controller, mode):
+    node = controller(gain_limits_file='""')
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "has no gain limits" in changed(node, mode=mode)
     assert not changed(node, mode=modes.FRICTION_COMPENSATION)
     node.close()
 
 
-@pytest.mark.parametrize("certificate", [{}, {"certificate_file": '""'}])
-def test_the_operators_word_in_place_of_a_certificate(controller, certificate):
-    node = controller(uncertified_gains=True, damping=20.0, force_gain=8.0, **certificate)
+@pytest.mark.parametrize("named", [{}, {"gain_limits_file": '""'}])
+def test_the_operators_word_in_place_of_gain_limits(controller, named):
+    node = controller(beyond_gain_limits=True, damping=20.0, force_gain=8.0, **named)
     node.trigger_configure()
     assert not changed(node, mode=modes.OBSERVER)
     assert not changed(node, mode=modes.FORCE_FEEDBACK) and not changed(node, force_gain=9.0)
@@ -296,7 +382,7 @@ def test_the_operators_word_in_place_of_a_certificate(controller, certificate):
 
 def test_the_damping_that_the_observer_needs_is_kept_as_a_parameter_too(make_node):
     node = make_node("impedance_controller", "-p", "damping:=20.0", "-p", "mode:=5",
-                     "-p", "certificate_required:=false")  # fmt: skip
+                     "-p", "gain_limits_required:=false")  # fmt: skip
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert "raise the damping first" in changed(node, damping=0.0)
     assert node.get_parameter("damping").value == 20.0

@@ -22,6 +22,8 @@ class Spring(NamedTuple):
     kind: Annotated[str, Setting("kind", choices=("soft", "hard"))] = "soft"
     cores: Annotated[tuple, Setting("whole numbers", "", -1, 9)] = (-1,)
     place: Annotated[str, Setting("a folder", at_start=True)] = ""
+    ratio: Annotated[float, Setting("of damping", "", 0.0, 1.0, formerly="zeta")] = 0.7
+    mass: Annotated[float, Setting("moved", "kg", 0.0, 9.0, formerly="weight")] = 1.0
 
 
 class Made(NamedTuple):
@@ -91,6 +93,27 @@ def test_an_unknown_name_is_refused_with_the_known_ones(make):
     made = make("spring.stifness:=250.0")
     with pytest.raises(SettingError, match=r"spring\.stifness is unknown.*spring\.stiffness"):
         made.parameters.finish()
+
+
+def test_former_names_are_taken_with_one_warning_that_names_the_new_ones(make):
+    made = make("spring.zeta:=0.5", "spring.weight:=2.0")
+    (warning,) = made.parameters.finish()
+    assert "spring.zeta is now spring.ratio, spring.weight is now spring.mass" in warning
+    assert made.parameters.read(Spring, "spring") == Spring(ratio=0.5, mass=2.0)
+    assert not made.node.has_parameter("spring.zeta")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (("spring.zeta:=0.5", "spring.ratio:=0.6"), "spring.zeta is now spring.ratio, and both"),
+        (("spring.zeta:=1.5",), "spring.zeta = 1.5: above the largest allowed"),
+        (("spring.zeta:=1",), "spring.zeta = 1: .* float is wanted"),
+    ],
+)
+def test_a_former_name_is_checked_like_the_new_one(make, given, told):
+    with pytest.raises(SettingError, match=told):
+        make(*given)
 
 
 def test_live_change_while_configured(make):

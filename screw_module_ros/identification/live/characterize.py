@@ -339,7 +339,7 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     below(root, str(folder / "parts" / experiment.name), "folder")
     written = [f"{experiment.name}.yaml", f"{experiment.name}.npz"]
     written += {
-        calibration.NAME: [calibration.FILE], delivered_impedance.NAME: [calibration.CERTIFICATE]
+        calibration.NAME: [calibration.FILE], delivered_impedance.NAME: [calibration.GAIN_LIMITS]
     }.get(experiment.name, [])  # fmt: skip
     for name in written:
         if os.path.lexists(folder / name):  # also a dangling link

@@ -44,6 +44,7 @@ class Parameters:
         self._refusal = refusal
         self._defaults: dict[tuple[type, str], Any] = {}
         self._fields: dict[str, tuple[type, Field]] = {}
+        self._renamed: dict[str, str] = {}  # old names that were given, with the new ones
         self._declared = False
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -73,24 +74,42 @@ class Parameters:
             self._declare_one(name, field, getattr(group, field.name))
 
     def _declare_one(self, name: str, field: Field, default: Any) -> None:
-        value = _to_ros(default)
-        override = self._node._parameter_overrides.get(name)
-        if override is not None:
-            wrong = _problem(name, field, override.value, type(value))
+        value = start = _to_ros(default)
+        given = self._given(name, field)
+        if given is not None:
+            start = self._node._parameter_overrides[given].value
+            wrong = _problem(given, field, start, type(value))
             if wrong:
                 raise SettingError(f"parameter {wrong}")
-        self._node.declare_parameter(name, value, _descriptor(field, value))
+        self._node.declare_parameter(name, start, _descriptor(field, value))
+
+    def _given(self, name: str, field: Field) -> str | None:
+        """Return the name, present or former, by which a parameter was given, None if it was not.
+
+        Raises SettingError if it was given by both.
+        """
+        overrides = self._node._parameter_overrides
+        old = name.removesuffix(field.name) + field.setting.formerly
+        if not field.setting.formerly or old not in overrides:
+            return name if name in overrides else None
+        if name in overrides:
+            raise SettingError(f"parameter {old} is now {name}, and both are given: take out {old}")
+        self._renamed[old] = name
+        return old
 
     def finish(self, shared: Collection[str] = ()) -> list[str]:
         """End the declarations; raise SettingError for a given name that was never declared.
 
         shared: names that were given to all nodes at once. These may be meant for other nodes, so
-        they are no error; a message is returned for each.
+        they are no error; a message is returned for each, and one for all former names.
         """
         self._declared = True
-        warnings = []
+        renamed = ", ".join(f"{old} is now {name}" for old, name in self._renamed.items())
+        warnings = [f"old parameter names, for this release alone: {renamed}"] if renamed else []
         for name in self._node._parameter_overrides:
             if name.startswith(_OWN_TO_RCLPY) or self._node.has_parameter(name):
+                continue
+            if name in self._renamed:
                 continue
             if name in shared:
                 warnings.append(f"{name}, given to all nodes, is no parameter of this one")

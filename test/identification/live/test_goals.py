@@ -29,17 +29,17 @@ from screw_module_ros.identification.trials import Cancelled
         ("static_torque", "", "link/x", "lies outside of"),
         ("static_torque", "", "file", "cannot be written"),
         ("gravity", "", "x", "needs the result of friction_map"),
-        # What is there stays: the certificate that a controller runs with was replaced, also
+        # What is there stays: the gain limits that a controller runs with was replaced, also
         # through a link out of here.
         ("gravity", "", ".", "gravity.npz exists already and is never overwritten"),
-        ("delivered_impedance", "", ".", "module_certificate.yaml exists already"),
+        ("delivered_impedance", "", ".", "module_gain_limits.yaml exists already"),
         ("calibration", "", ".", "module_calibration.yaml exists already"),
     ],
 )
 def test_a_goal_that_cannot_be_done_is_refused(tmp_path, experiment, settings, folder, said):
     (tmp_path / "link").symlink_to("/tmp")
     (tmp_path / "file").write_text("")
-    for file in ("gravity.npz", "module_certificate.yaml", "module_calibration.yaml"):
+    for file in ("gravity.npz", "module_gain_limits.yaml", "module_calibration.yaml"):
         (tmp_path / file).symlink_to("/nonexistent")
     goal = RunExperiment.Goal(experiment=experiment, settings=settings, folder=folder)
     with pytest.raises(ValueError, match=said):
