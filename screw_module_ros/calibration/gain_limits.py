@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gain limits of a linear model of one module, to which the controller keeps (thesis 7.1).
+"""Gain limits of a linear model of one module, to which the controller keeps.
+
+The thesis asks for tools of this kind (7.1); this one is ours.
 
 `identification/calibration` writes the file: the delivered impedance of every mode; the largest
 force gains that are stable in the linear sampled loop of `identification/stability` on a hand, a
