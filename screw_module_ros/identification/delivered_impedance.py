@@ -22,7 +22,7 @@ from ..settings import Setting
 from . import calibration, force_error
 from .figures import COLOURS, DESIRED, error_map, panels
 from .force_error import with_damping
-from .force_metric import apparent_mass
+from .force_metric import apparent_mass, first_harmonic, friction_felt
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .stability import law_of
@@ -35,7 +35,6 @@ _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
 _FAST = 4.0  # [Hz] from here on the mass is found, below it the damping
-_LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 
 
 class Settings(NamedTuple):
@@ -156,31 +155,15 @@ def _at_rest(lab: Lab, usual: VerticalSettings) -> list[Quantity]:
     return found
 
 
-def friction_felt(resistance: float, damping: float, speed: float) -> float:
-    """Return the Coulomb friction [N] equivalent to a resistance [Ns/m] at the first harmonic.
-
-    damping: the commanded part of the resistance [Ns/m]; speed: amplitude of the velocity [m/s]. A
-    force F with the sign of the velocity has the first harmonic 4 F / pi.
-    """
-    return math.pi / 4.0 * (resistance - damping) * speed
-
-
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
     """Return force over velocity of the handle [Ns/m] at the sine's frequency, over whole cycles.
 
     On a real module: the transducer's force over the nut's velocity. NaN if the handle did not
     follow the sine: force over a motion of other frequencies is no impedance.
     """
-    period = samples.time[1] - samples.time[0]
-    count = round(2.0 * math.pi * _CYCLES / trial.omega / period)
-    turning = np.exp(-1j * trial.omega * samples.time[-count:])
     position, _, force = samples.felt
-    swing = position[-count:] - position[-count:].mean()
-    moved = (turning * swing).sum()
-    if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
-        return {"impedance": np.array(complex(math.nan, math.nan))}
-    velocity = 1j * trial.omega * moved
-    return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
+    found = first_harmonic(samples.time, position, force, trial.omega, _CYCLES)
+    return {"impedance": np.array(found)}
 
 
 def _fitted(

@@ -42,10 +42,14 @@ class Trace(NamedTuple):
 
 
 class Path3D(NamedTuple):
-    """Path of the handle in the frame manus_base: x, y, z [m], shape (samples, 3)."""
+    """Path of the handle in the frame manus_base: x, y, z [m], shape (samples, 3).
+
+    targets: those of its movements in the plane, x, y [m].
+    """
 
     name: str
     points: np.ndarray
+    targets: Sequence[tuple[float, float]] = ()
 
 
 def panels(
@@ -145,12 +149,10 @@ def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> 
     return figure
 
 
-def path_views(
-    paths: Sequence[Path3D], targets: np.ndarray | None = None, title: str = ""
-) -> Figure:
+def path_views(paths: Sequence[Path3D], title: str = "") -> Figure:
     """Draw the handle's paths, each from above and from the front, side by side on one scale.
 
-    targets: of the plane, x, y [m], shape (n, 2). Raises ValueError without paths.
+    Each is drawn with its own targets. Raises ValueError without paths.
     """
     if not paths:
         raise ValueError("no paths to draw")
@@ -160,8 +162,9 @@ def path_views(
         gridspec_kw={"height_ratios": np.maximum(spans[1:], 0.1 * spans.max())},
     )  # fmt: skip
     for (above, front), path, colour in zip(views.T, paths, COLOURS * len(paths), strict=False):
-        if targets is not None:
-            above.scatter(*targets.T, color=DESIRED, s=24, zorder=3, label="targets")
+        if path.targets:
+            across, away = zip(*path.targets, strict=True)
+            above.scatter(across, away, color=DESIRED, s=24, zorder=3, label="targets")
         x, y, z = _thinned(path.points).T
         above.plot(x, y, color=colour, linewidth=0.8)
         front.plot(x, z, color=colour, linewidth=0.8)
@@ -173,7 +176,7 @@ def path_views(
     views[1, 0].set_ylabel("from the front: z, up [m]")
     if title:
         figure.suptitle(title)
-    if targets is not None:
+    if paths[0].targets:
         figure.legend(*views[0, 0].get_legend_handles_labels(), loc="outside lower center")
     return figure
 

@@ -2,14 +2,16 @@
 """What a hand feels beside the impedance asked for: offset in motion, error over all samples.
 
 With a perfect impedance controller the patient feels a spring: the force at height z is
-K (z - z0), in both directions of motion. The offset is the measured force minus that of the spring:
-friction, the inertia of the screw, and the residual of their compensation (thesis 6.1, 6.4). The
-error is judged over all samples, with standstill and reversals (ours). All forces are those of the
-patient on the robot, up positive.
+K (z - z0), in both directions of motion; with a damper it is K (z - z0) + B z'. The offset is the
+measured force minus that: friction, the inertia of the screw, and the residual of their
+compensation (thesis 6.1, 6.4, where B is 0). Taken from the spring alone it contains the damper
+too. The error is judged over all samples, with standstill and reversals (ours). All forces are
+those of the patient on the robot, up positive.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +23,16 @@ RAPID = 30.0  # [Hz] above it: chatter
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
 SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation
 WINDOW = 0.1  # [s]
+_LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 LAST = 1.0  # [s] at the end of a trial, when the handle should be at rest
 
 
 class Spring(NamedTuple):
-    """The commanded spring: stiffness [N/m], height of its centre [m]."""
+    """The desired spring: stiffness [N/m], height of its centre [m], damping beside it [Ns/m]."""
 
     stiffness: float
     centre: float
+    damping: float = 0.0
 
 
 class Offsets(NamedTuple):
@@ -45,6 +49,17 @@ def spring_force(position: np.ndarray, spring: Spring) -> np.ndarray:
     return spring.stiffness * (np.asarray(position) - spring.centre)
 
 
+def beyond(
+    position: np.ndarray, velocity: np.ndarray, force: np.ndarray, spring: Spring
+) -> np.ndarray:
+    """Return the force [N] beyond that of the desired spring, and of its damper if it has one.
+
+    position [m], velocity [m/s] and force [N] are samples of the same instants.
+    """
+    damper = spring.damping * np.asarray(velocity)
+    return np.asarray(force, float) - spring_force(position, spring) - damper
+
+
 def apparent_mass(reactance: np.ndarray, frequencies: np.ndarray, stiffness: float) -> np.ndarray:
     """Return the mass [kg] that a reactance at the handle [Ns/m] shows beside a spring [N/m].
 
@@ -52,6 +67,32 @@ def apparent_mass(reactance: np.ndarray, frequencies: np.ndarray, stiffness: flo
     """
     omega = 2.0 * np.pi * frequencies
     return (reactance + stiffness / omega) / omega
+
+
+def friction_felt(resistance: float, damping: float, speed: float) -> float:
+    """Return the Coulomb friction [N] equivalent to a resistance [Ns/m] at the first harmonic.
+
+    damping: the commanded part of the resistance [Ns/m]; speed: amplitude of the velocity [m/s]. A
+    force F with the sign of the velocity has the first harmonic 4 F / pi.
+    """
+    return math.pi / 4.0 * (resistance - damping) * speed
+
+
+def first_harmonic(
+    time: np.ndarray, position: np.ndarray, force: np.ndarray, omega: float, cycles: int
+) -> complex:
+    """Return force over velocity of the handle [Ns/m] at `omega` [rad/s], over the last cycles.
+
+    time [s], position [m] and force [N] are samples of the same instants. NaN if the handle did not
+    follow the sine: force over a motion of other frequencies is no impedance.
+    """
+    count = round(2.0 * np.pi * cycles / omega / (time[1] - time[0]))
+    turning = np.exp(-1j * omega * time[-count:])
+    swing = position[-count:] - position[-count:].mean()
+    moved = (turning * swing).sum()
+    if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
+        return complex(math.nan, math.nan)
+    return complex((turning * force[-count:]).sum() / (1j * omega * moved))
 
 
 def offsets(
@@ -62,9 +103,16 @@ def offsets(
     position [m], velocity [m/s] and force [N] are samples of the same instants, evenly spaced in
     time.
     """
-    beyond = np.abs(np.asarray(force, float) - spring_force(position, spring))
-    up, down = beyond[velocity > MOTION_THRESHOLD], beyond[velocity < -MOTION_THRESHOLD]
+    found = np.abs(beyond(position, velocity, force, spring))
+    up, down = found[velocity > MOTION_THRESHOLD], found[velocity < -MOTION_THRESHOLD]
     return Offsets(*map(_mean, (np.concatenate((up, down)), up, down)))
+
+
+def offset_held(
+    position: np.ndarray, velocity: np.ndarray, force: np.ndarray, spring: Spring
+) -> float:
+    """Return the mean of the absolute offset [N] over all samples, of a hand that holds still."""
+    return _mean(np.abs(beyond(position, velocity, force, spring)))
 
 
 def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,8 +3,9 @@
 
 Every node runs as a process of its own. A simulated patient (the arm of the thesis's simulation,
 6.4.3) moves the handle through a spring of 100 N/m about 0.18 m in three modes, and then holds it
-still, while the plane makes a centre-out reach. The recorder writes all topics; the table uses only
-the bag.
+still, while the plane makes a centre-out reach. All three modes have the same spring and damper.
+The offset of figure, table and results.yaml is one: from the spring alone, the line of the figure.
+The recorder writes all topics; the table uses only the bag.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from screw_module_ros.identification.force_metric import (
     Offsets,
     Spring,
     common_ticks,
+    offset_held,
     offsets,
-    spring_force,
 )
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.counts import Counts
@@ -47,6 +48,10 @@ from .patient import STILL, Hand, Way, centre_out, targets
 from .runner import GraphRun, command, new_folder, recordings_in, running
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
+COMMANDED = SPRING._replace(
+    damping=float(math.ceil(VerticalSettings(stiffness=SPRING.stiffness).least_damping))
+)
+"""Spring and damper of all three modes. OBSERVER refuses a smaller damper; the thesis has none."""
 FORCE_GAIN = 5.0
 ARM_MASS, ARM_STIFFNESS, ARM_DAMPING = 3.0, 300.0, 5.0  # [kg], [N/m], [Ns/m]
 AMPLITUDE, OMEGA = 0.15, 0.8  # of the virtual hand [m], [rad/s]
@@ -65,15 +70,14 @@ _DRIVE, _ENDPOINT = f"/{graph.AMPLIFIER_STATE}", f"/{graph.ENDPOINT_STATE}"
 class Mode(NamedTuple):
     """A control mode of the demo, and its acceptance.
 
-    number: constant of ForceCommand; thesis: its figure; low, high: bounds of the mean offset in
-    motion [N]; damping: commanded [Ns/m].
+    number: constant of ForceCommand; thesis: its figure; low, high: bounds of the mean offset from
+    the spring in motion [N].
     """
 
     number: int
     thesis: str
     low: float
     high: float
-    damping: float = 0.0
 
     @property
     def wanted(self) -> str:
@@ -84,14 +88,10 @@ class Mode(NamedTuple):
 IMPEDANCE = "1 impedance"
 FORCE_FEEDBACK = "3 force feedback"
 OBSERVER = "5 observer"
-_OBSERVED = VerticalSettings(stiffness=SPRING.stiffness)
 MODES = {
     IMPEDANCE: Mode(ForceCommand.IMPEDANCE, "about 10 N (fig 6-1)", 7.0, 13.0),
     FORCE_FEEDBACK: Mode(ForceCommand.FORCE_FEEDBACK, "about 2 N (fig 6-10)", 0.0, 3.0),
-    OBSERVER: Mode(
-        ForceCommand.OBSERVER, "proposed (6.4.4)", 0.0, 1.0,
-        float(math.ceil(_OBSERVED.least_damping)),
-    ),
+    OBSERVER: Mode(ForceCommand.OBSERVER, "proposed (6.4.4)", 0.0, 1.0),
 }
 
 
@@ -104,10 +104,14 @@ class Part(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What the hand did in one mode: it moved, and then it held still."""
+    """What the hand did in one mode: it moved, and then it held still.
+
+    targets: of its movements in the plane, x, y [m].
+    """
 
     moving: Part
     holding: Part
+    targets: Sequence[tuple[float, float]]
 
     @property
     def name(self) -> str:
@@ -149,14 +153,15 @@ class Timing(NamedTuple):
 class Results(NamedTuple):
     """Results of the demo; traces, offsets and paths are in the order of its parts.
 
-    traces, offsets: in motion; held: mean of |offset| while the hand holds still [N]. bag: folder
-    of the recording, None if it was deleted. factor: simulated seconds per second, None for a run
-    by wall clock.
+    traces, offsets: in motion, from the spring; undamped: the same, from spring and damper; held:
+    mean of |offset| while the hand holds still [N]. bag: folder of the recording, None if it was
+    deleted. factor: simulated seconds per second, None for a run by wall clock.
     """
 
     parts: Sequence[Work]
     traces: list[Trace]
     offsets: list[Offsets]
+    undamped: list[Offsets]
     held: list[float]
     paths: list[Path3D]
     timing: Timing
@@ -231,7 +236,7 @@ def make_ready(robot: Robot, console: Console) -> Hand:
     hand = Hand(robot, takes)
     with console.step("homing, taring, patient takes hold, torque on"):
         robot.set_parameter("impedance_controller", "force_gain", FORCE_GAIN)
-        robot.set_impedance(SPRING.stiffness, 0.0)
+        robot.set_impedance(COMMANDED.stiffness, COMMANDED.damping)  # OBSERVER needs the damper
         robot.set_impedance(PLANE_STIFFNESS, PLANE_DAMPING, node="manus")
         bring_up(robot, ForceCommand.IMPEDANCE, hand)
     return hand
@@ -254,15 +259,14 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
     The virtual hand starts at the spring's centre; it ends at its highest point, where it holds
     still.
     """
-    mode = MODES[name]
     robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=STILL, omega=STILL))
     robot.set_setpoint(0.0, 0.0, SPRING.centre)
-    robot.set_impedance(SPRING.stiffness, mode.damping)
     robot.pause(_RETURN_S)
-    robot.set_mode(mode.number)  # with the damper in use: OBSERVER insists on it
+    robot.set_mode(MODES[name].number)
     robot.pause(_SETTLE_S)
     duration = (cycles + 0.25) * CYCLE_S
-    ways = centre_out(cycles * CYCLE_S, targets()[:: 2 // cycles])
+    visited = targets()[:: 2 // cycles]
+    ways = centre_out(cycles * CYCLE_S, visited)
     begin = robot.clock.stamp_ns()
     robot.set_arm(
         arm(
@@ -278,7 +282,7 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
     robot.pause(_STOP_S)
     still = robot.clock.stamp_ns()
     robot.pause(_HOLD_S)
-    return Work(moving, Part(name, still, robot.clock.stamp_ns()))
+    return Work(moving, Part(name, still, robot.clock.stamp_ns()), visited)
 
 
 def play(
@@ -316,23 +320,26 @@ def evaluated(
     """
     topics = {topic: columns(bag, topic) for topic in (_ENCODER, _FORCE, _DRIVE, _ENDPOINT)}
     traces = [trace(topics, part.moving) for part in parts]
-    found = [offsets(one.position, one.velocity, undamped(one), SPRING) for one in traces]
+    found = [offsets(*one[1:], SPRING) for one in traces]
+    undamped = [offsets(*one[1:], COMMANDED) for one in traces]
     still = [trace(topics, part.holding) for part in parts]
-    held = [
-        float(np.abs(undamped(one) - spring_force(one.position, SPRING)).mean()) for one in still
-    ]
-    paths = [path(topics, part.whole) for part in parts]
+    held = [offset_held(*one[1:], SPRING) for one in still]
+    paths = [path(topics, part.whole)._replace(targets=part.targets) for part in parts]
     whole = Part("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
-    title = "Simulated patient through a spring, vertical module"
+    title = f"Simulated patient, vertical module; a damper of {COMMANDED.damping:g} Ns/m"
+    told = [
+        one._replace(name=f"{one.name}: {offset.mean:.1f} N from the spring in motion")
+        for one, offset in zip(traces, found, strict=True)
+    ]
     drawn = {
-        "force_position.png": with_held(figures.force_position(traces, SPRING, title), still),
-        "path.png": figures.path_views(paths, np.array(targets()), "Path of the handle"),
+        "force_position.png": with_held(figures.force_position(told, SPRING, title), still),
+        "path.png": figures.path_views(paths, "Path of the handle"),
     }
     files = [figures.save(figure, folder / name) for name, figure in drawn.items()]
     results = Results(
-        parts, traces, found, held, paths, timing(topics, whole), counts, bag if keep_bag else None,
-        files, factor,
+        parts, traces, found, undamped, held, paths, timing(topics, whole), counts,
+        bag if keep_bag else None, files, factor,
     )  # fmt: skip
     text = yaml.safe_dump(_content(results), sort_keys=False)
     (folder / "results.yaml").write_text(text, encoding="utf-8")
@@ -357,11 +364,6 @@ def trace(topics: Topics, part: Part) -> Trace:
     if not len(at):
         raise BagError(f"{part.name}: no tick has both a height and a force in the bag")
     return Trace(part.name, encoder["position"][at], encoder["velocity"][at], force["fz"][there])
-
-
-def undamped(one: Trace) -> np.ndarray:
-    """Return the forces of a mode's trace without that of the commanded damper [N]."""
-    return one.force - MODES[one.name].damping * one.velocity
 
 
 def with_held(figure: Figure, still: Sequence[Trace]) -> Figure:
@@ -418,15 +420,15 @@ def _within(topics: Topics, topic: str, part: Part) -> dict[str, np.ndarray]:
 def _content(results: Results) -> dict[str, Any]:
     """Return the content of results.yaml."""
     return {
-        "spring": SPRING._asdict(),
+        "spring": COMMANDED._asdict(),
         "motion_threshold": MOTION_THRESHOLD,
         "modes": [
             {
-                **part.whole._asdict(), "damping": MODES[part.name].damping,
-                "offset": found._asdict(), "held": held,
+                **part.whole._asdict(), "offset": found._asdict(),
+                "offset_without_damper": undamped._asdict(), "held": held,
             }
-            for part, found, held in zip(
-                results.parts, results.offsets, results.held, strict=True
+            for part, found, undamped, held in zip(
+                results.parts, results.offsets, results.undamped, results.held, strict=True
             )
         ],
         "real_time_factor": results.factor,
@@ -451,18 +453,21 @@ def tables(results: Results) -> list[Table | str]:
 def _offset_table(results: Results) -> Table:
     table = Table(
         title=f"Offset from a spring of {SPRING.stiffness:g} N/m about {SPRING.centre:g} m",
-        caption="mean of |force of the patient - spring - damper|, moving: faster than "
-        f"{MOTION_THRESHOLD * 1e3:g} mm/s\nOnly mode 5 has a damper, of "
-        f"{MODES[OBSERVER].damping:g} Ns/m. No mode here knows the screw's friction.",
+        caption="mean of |force of the patient - spring|, moving: faster than "
+        f"{MOTION_THRESHOLD * 1e3:g} mm/s\nAll modes have a damper of {COMMANDED.damping:g} Ns/m "
+        "too, which mode 5 needs; the thesis has none. 'less damper': its force taken off.\n"
+        "No mode here knows the screw's friction.",
     )
-    numbers = ("up", "down", "moving", "holding")
+    numbers = ("up", "down", "moving", "less damper", "holding")
     for name in ("mode", *numbers, "thesis", "wanted moving", ""):
         table.add_column(name, justify="right" if name in numbers else "left")
-    for part, found, held in zip(results.parts, results.offsets, results.held, strict=True):
+    rows = zip(results.parts, results.offsets, results.undamped, results.held, strict=True)
+    for part, found, undamped, held in rows:
         mode = MODES[part.name]
-        newtons = (f"{value:.1f} N" for value in (found.up, found.down, found.mean))
+        told = (found.up, found.down, found.mean, undamped.mean)
+        newtons = (*(f"{value:.1f} N" for value in told), f"{held:.2f} N")
         verdict = _verdict(_met(part, found))
-        table.add_row(part.name, *newtons, f"{held:.2f} N", mode.thesis, mode.wanted, verdict)
+        table.add_row(part.name, *newtons, mode.thesis, mode.wanted, verdict)
     return table
 
 

@@ -17,9 +17,9 @@ from screw_module_ros.identification.calibration import GAIN_LIMITS as FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
     _followed,
-    friction_felt,
     reduced,
 )
+from screw_module_ros.identification.force_metric import friction_felt
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.trials import WAYS_OUT, MotionTrial, NotPossible, Samples
 

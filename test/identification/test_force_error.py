@@ -23,7 +23,7 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import force_error, force_gain, force_position
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_error import reduced, rms_of, trial_of, with_damping
-from screw_module_ros.identification.force_metric import ErrorOf
+from screw_module_ros.identification.force_metric import ErrorOf, Spring, offsets
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.report import (
     Module,
@@ -31,6 +31,7 @@ from screw_module_ros.identification.report import (
     robustness_head,
     robustness_rows,
 )
+from screw_module_ros.identification.trials import MotionTrial
 from screw_module_ros.plant.settings import load_world
 
 UNSEEN = (7101, 7102, 7103)
@@ -231,3 +232,19 @@ def test_backlash_limits_the_gain(bench, tmp_path):
     assert 4.0 < loose < 13.0, "above the thesis's 5, not far above"
     assert tight > 1.2 * loose
     assert result.quantity("gain_with_backlash").uncertainty <= 0.5, "half of the resolution"
+
+
+@pytest.mark.parametrize(
+    ("mode", "without"), [(IMPEDANCE, 9.2), (FORCE_FEEDBACK, 1.5), (OBSERVER, 0.09)]
+)
+def test_a_damper_adds_its_own_force_to_the_offset_of_every_mode(bench, mode, without):
+    """What mode 5 leaves is not the damper's doing: without one, unchecked, it leaves as little."""
+    free = DEFAULT._replace(damping=0.0, observer_damping_ratio=0.0)
+    spring = Spring(DEFAULT.stiffness, 0.18)
+    bare, damped = (
+        offsets(samples.position, samples.velocity, samples.force, spring).mean
+        for law in (free, free._replace(damping=6.0))
+        for samples in [bench.record(MotionTrial(mode, law, duration=15.8), nothing)]
+    )
+    assert bare == pytest.approx(without, rel=0.1)
+    assert 0.25 < damped - bare < 0.55

@@ -13,6 +13,7 @@ from screw_module_ros.identification.force_metric import (
     Spring,
     common_ticks,
     judged,
+    offset_held,
     offsets,
 )
 
@@ -72,6 +73,18 @@ def test_a_known_offset_is_found_each_way(up, down):
     found = offsets(position, velocity, force, SPRING)
     assert (found.up, found.down) == pytest.approx((up, down))
     assert found.mean == pytest.approx((up + down) / 2, rel=1e-2, abs=1e-9)
+
+
+def test_a_damper_is_part_of_the_offset_unless_it_is_asked_for():
+    angle = 2.0 * np.pi * np.arange(8000) * 1e-3 / 4.0
+    position, velocity = 0.18 + 0.1 * np.sin(angle), 0.157 * np.cos(angle)
+    samples = position, velocity, 100.0 * (position - 0.18) + 6.0 * velocity
+    fast = np.abs(velocity) > MOTION_THRESHOLD
+    assert offsets(*samples, SPRING).mean == pytest.approx(6.0 * np.abs(velocity[fast]).mean())
+    damped = SPRING._replace(damping=6.0)
+    assert offsets(*samples, damped).mean == pytest.approx(0.0, abs=1e-9)
+    assert offset_held(*samples, SPRING) == pytest.approx(6.0 * np.abs(velocity).mean())
+    assert offset_held(*samples, damped) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rest_and_slow_motion_do_not_count_nor_do_signs_cancel():

@@ -10,10 +10,12 @@ from rclpy.serialization import serialize_message
 from rich.console import Console
 from screw_module_msgs.msg import AmplifierState, EncoderSample, EndpointState, ForceSample
 
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
 from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.recording.recorder import Recording
 from screw_module_ros.trials.demo import (
+    COMMANDED,
     FORCE_FEEDBACK,
     IMPEDANCE,
     MODES,
@@ -30,20 +32,18 @@ from screw_module_ros.trials.demo import (
 MS = 1_000_000
 START = 1_700_000_000_000 * MS
 MODE_MS, MOVING_MS, STILL_MS = 600, 400, 500
-DAMPING = MODES[OBSERVER].damping
+AWAY = ((0.0, 0.1), (0.1, 0.0))
 
 
 def samples(tick: int, beyond: float):
     """Return the four messages of one tick; the handle swings once in 200 ms, then stands still.
 
-    While it stops the force is far off, which must not count.
+    Its offset from the spring is `beyond`. While it stops the force is far off, and must not count.
     """
-    mode, since = divmod(tick, MODE_MS)
+    since = tick % MODE_MS
     angle = 2 * math.pi * since / 200
     position, velocity = 0.18 + 0.05 * math.sin(angle), 0.6 * math.cos(angle)
     force = 100.0 * (position - 0.18) + math.copysign(beyond, velocity)
-    if mode == list(MODES).index(OBSERVER):
-        force += DAMPING * velocity
     if since >= MOVING_MS:
         position, velocity = 0.21, 0.0
         force = 3.0 - 0.5 * beyond if since >= STILL_MS else 90.0
@@ -85,6 +85,7 @@ def parts() -> list[Work]:
         Work(
             Part(name, begin, begin + MOVING_MS * MS - 1),
             Part(name, begin + STILL_MS * MS, begin + MODE_MS * MS - 1),
+            AWAY,
         )
         for name, begin in zip(MODES, begins, strict=True)
     ]
@@ -117,9 +118,32 @@ def test_offsets_stand_beside_the_thesis(good):
     assert "reached" in lines(text, FORCE_FEEDBACK)
 
 
-def test_the_damper_asked_for_is_no_offset(good):
-    assert good[1].offsets[2].mean == pytest.approx(0.25)
-    assert f"damper, of {DAMPING:g} Ns/m" in shown(good[1])
+def test_table_figure_and_file_have_the_offset_from_the_spring_alone(good):
+    assert [found.mean for found in good[1].offsets] == pytest.approx([9.5, 1.5, 0.25])
+    told = yaml.safe_load((good[0] / "results.yaml").read_text())["modes"]
+    assert [mode["offset"]["mean"] for mode in told] == pytest.approx([9.5, 1.5, 0.25])
+    assert f"damper of {COMMANDED.damping:g} Ns/m" in shown(good[1])
+
+
+def test_the_offset_without_the_damper_has_a_column_of_its_own(good):
+    """The damper asks for more than the hand gave: what is left has the other sign."""
+    speeds = np.abs(0.6 * np.cos(2 * np.pi * np.arange(200) / 200))
+    speeds = speeds[speeds > 0.02]
+    for found, beyond in zip(good[1].undamped, (9.5, 1.5, 0.25), strict=True):
+        left = np.abs(beyond - COMMANDED.damping * speeds).mean()
+        assert found.mean == pytest.approx(left, rel=0.01)
+    assert good[1].undamped[0].mean < good[1].offsets[0].mean - 1.0
+    assert f"{good[1].undamped[0].mean:.1f} N" in lines(shown(good[1]), IMPEDANCE)
+
+
+def test_every_mode_gets_the_damper_that_the_observer_needs():
+    law = VerticalSettings(stiffness=COMMANDED.stiffness, damping=COMMANDED.damping)
+    assert not any(law.refusal(mode.number) for mode in MODES.values())
+    assert law._replace(damping=COMMANDED.damping - 1.0).refusal(MODES[OBSERVER].number)
+
+
+def test_each_path_is_drawn_with_the_targets_that_were_visited(good):
+    assert [tuple(path.targets) for path in good[1].paths] == [AWAY] * len(MODES)
 
 
 def test_the_offset_of_a_hand_at_rest_has_a_column(good):
