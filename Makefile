@@ -36,7 +36,7 @@ bench: build  ## how fast it runs here: wall clock, lock step, calls of a tick, 
 soak: build  ## ten minutes of work, recorded: does anything grow? ARGS="--wall-clock", "--protocol clock_adaptive"
 	@tools/run soak $(ARGS)
 
-reproduce: build  ## every experiment of the thesis in process: report.html and report.md
+reproduce: build  ## most experiments of the thesis and its calculations in process: report.html, report.md
 	@tools/run reproduce $(ARGS)
 
 study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --first-seed 1000 --mode 5"

@@ -24,7 +24,9 @@ from . import (
     gravity,
     inertia,
     planar_error,
+    planar_impedance,
     repeatability,
+    requirements,
     stability,
     static_torque,
     torque_response,
@@ -39,9 +41,10 @@ EXPERIMENTS: dict[str, Experiment] = {
         gravity.EXPERIMENT, friction_model.EXPERIMENT, repeatability.EXPERIMENT,
         inertia.EXPERIMENT, force_position.EXPERIMENT, force_gain.EXPERIMENT,
         force_error.EXPERIMENT, planar_error.EXPERIMENT, stability.EXPERIMENT,
-        delivered_impedance.EXPERIMENT, force_position.COMPENSATION, force_error.ROBUSTNESS,
-        calibration.EXPERIMENT, compliant_mounting.EXPERIMENT, component_masses.EXPERIMENT,
-        back_drive.EXPERIMENT,
+        delivered_impedance.EXPERIMENT, planar_impedance.EXPERIMENT,
+        force_position.COMPENSATION, force_error.ROBUSTNESS, calibration.EXPERIMENT,
+        compliant_mounting.EXPERIMENT, component_masses.EXPERIMENT, back_drive.EXPERIMENT,
+        requirements.EXPERIMENT,
     )
 }  # fmt: skip
 

@@ -33,6 +33,9 @@ from .report import (
     robustness_rows,
     value_text,
 )
+from .requirements import HEAD as REQUIREMENTS_HEAD
+from .requirements import MET, MISSED, cells, sentences
+from .requirements import NAME as REQUIREMENTS
 from .results import Result
 
 PAGE, TEXT = "report.html", "report.md"
@@ -50,7 +53,9 @@ img { max-width: 100%; margin: 0.5rem 0; }
 blockquote { margin: 0.5rem 0; padding: 0 1rem; border-left: 3px solid #0072b2; color: #444; }
 pre { background: #f6f6f6; padding: 0.6rem; overflow-x: auto; font-size: 12px; }
 """
-_ROW_KINDS = {AGREES: "good", "recovered": "good", DIFFERS: "bad", "MISSED": "bad"}
+_ROW_KINDS = {
+    AGREES: "good", "recovered": "good", MET: "good", DIFFERS: "bad", "MISSED": "bad", MISSED: "bad"
+}  # fmt: skip
 Figures = dict[str, dict[str, str]]
 """Title -> file beside the page, of each experiment and, as `seed_N`, of each perturbed module."""
 
@@ -89,6 +94,7 @@ def markdown(report: Report, figures: Figures, seconds: float) -> str:
         loader=PackageLoader("screw_module_ros", "identification"), undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    required = report.modules[0].result(REQUIREMENTS)
     pages.filters |= {"value": value_text, "anchor": _anchor}
     return pages.get_template("report.md.jinja").render(
         title=_TITLE,
@@ -110,6 +116,9 @@ def markdown(report: Report, figures: Figures, seconds: float) -> str:
         changed_head=robustness_head(report.modules),
         changed=robustness_rows(report.modules),
         quantity_rows=_quantity_rows,
+        sentences=sentences(required) if required else (),
+        required_head=REQUIREMENTS_HEAD,
+        required=cells(required) if required else [],
     )
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a run found: beside the thesis's figures, beside the simulated module's hidden values.
 
-A figure of the thesis beside ours is one of three things. A *prediction* follows from plant and
+A figure of the thesis beside ours is one of four things. A *prediction* follows from plant and
 law; only predictions say whether the simulation behaves as the thesis's module did. An *input* is a
 value of the plant's own file: to recover it shows that the method of identification works. A
+*chosen* one is an outcome by which a value of the plant's file was chosen: it had to come out. A
 *calculation* is arithmetic on printed values, without a trial.
 """
 
@@ -23,7 +24,7 @@ from . import force_error
 from .bench import LoopSettings
 from .results import MEASURED, Published, Quantity, Result
 
-PREDICTION, INPUT, CALCULATION = "prediction", "input", "calculation"
+PREDICTION, INPUT, CHOSEN, CALCULATION = "prediction", "input", "chosen", "calculation"
 AGREES, COMPATIBLE, DIFFERS = "agrees", "compatible", "differs"
 LOOSE = 0.3
 """With a tolerance above this share of the figure, a match counts as compatible only."""
@@ -108,9 +109,11 @@ class Compared(NamedTuple):
 
     @property
     def group(self) -> str:
-        """PREDICTION, INPUT or CALCULATION."""
+        """PREDICTION, INPUT, CHOSEN or CALCULATION."""
         if self.ours.kind != MEASURED:
             return CALCULATION
+        if self.thesis.chosen_by:
+            return CHOSEN
         return INPUT if self.thesis.given_to_plant else PREDICTION
 
     @property
@@ -163,6 +166,7 @@ CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with f
 GROUPS = {
     PREDICTION: "Predictions beside the thesis",
     INPUT: "Inputs recovered",
+    CHOSEN: "Outcomes by which the plant was chosen",
     CALCULATION: "Calculations on printed values",
 }
 """Groups of compared figures, with the titles of their tables."""
@@ -233,7 +237,8 @@ class Report(NamedTuple):
         counts = self.counts(PREDICTION)
         return (
             f"Predictions: {counts[AGREES]} of {sum(counts.values())} agree with the thesis, "
-            f"{counts[COMPATIBLE]} more within a wide tolerance only, {counts[DIFFERS]} differ"
+            f"{counts[COMPATIBLE]} more within a wide tolerance only, {counts[DIFFERS]} "
+            f"differ{'s' if counts[DIFFERS] == 1 else ''}"
         )
 
     def tables(self) -> list[Table | str]:

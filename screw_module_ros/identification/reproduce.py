@@ -72,7 +72,7 @@ def reproduce(
     workers: int | None,
     strict: bool,
 ) -> bool:
-    """Run every experiment of the thesis on the simulated module and write a report."""
+    """Run the thesis's experiments and ours on the simulated module and write a report."""
     begun = time.monotonic()
     if fresh:
         _remove_own(folder)

@@ -32,15 +32,17 @@ class Published(NamedTuple):
     thesis's own scatter if printed, else the reading accuracy of a plot, or the effect of a
     deliberate difference of the plant; why: explanation of a larger difference; given_to_plant: the
     value stands in the plant's own file, so that finding it shows that the method works, and
-    nothing about the thesis's module; part: which number of a figure that is a list; unit: the
-    quantity's, if the thesis prints another; computed: a value in that unit that is not printed but
-    follows from what is.
+    nothing about the thesis's module; chosen_by: what in the plant's file was chosen so that this
+    figure comes out, so that finding it shows nothing; part: which number of a figure that is a
+    list; unit: the quantity's, if the thesis prints another; computed: a value in that unit that is
+    not printed but follows from what is.
     """
 
     key: str
     tolerance: float
     why: str = ""
     given_to_plant: bool = False
+    chosen_by: str = ""
     part: int | None = None
     unit: str = ""
     computed: float | None = None

@@ -169,5 +169,5 @@ def keep_calibration(folder: Path, module) -> None:
     v = module.vertical
     keep_line(folder, default_linearization(module.amplifier.dead_zone))
     keep(folder, "friction_model", friction_model._as_data(thesis_friction()))
-    keep(folder, "gravity", gravity=v.moving_mass * v.gravity)
+    keep(folder, "gravity", gravity=v.moving_mass * v.gravity, play=v.play)
     keep(folder, "inertia", mass=v.turning_mass + v.moving_mass)

@@ -105,6 +105,9 @@ REFUSED = [
     ("component_masses", {"rotor_inertia": -1e-5}, "rotor_inertia"),
     ("back_drive", {"half_depth": 0.4}, "out of reach"),
     ("back_drive", {"lead": 0.0}, "lead"),
+    ("planar_impedance", {"frequencies": (4.0,)}, "none is 2 Hz or less"),
+    ("requirements", {}, "delivered_impedance is missing"),
+    ("requirements", {"end_load": 0.0}, "end_load"),
 ]
 
 

@@ -47,11 +47,14 @@ def test_force_position_curves_with_the_desired_spring():
 def test_paths_are_seen_from_above_and_from_the_front():
     way = np.linspace(0.0, 0.1, 50)
     points = np.column_stack([way, 2.0 * way, 3.0 * way])
-    figure = figures.path_views([Path3D("one", points), Path3D("two", -points)],
-                                targets=np.array([[0.1, 0.0], [0.0, 0.1]]))  # fmt: skip
+    visited = [(0.1, 0.0), (0.0, 0.1)]
+    figure = figures.path_views([Path3D("one", points, visited), Path3D("two", -points)])
     figure.savefig(io.BytesIO())  # shared axes show only here what they cannot do together
     titles = [axes.get_title("left") for axes in figure.axes]
     assert titles[:2] == ["one", "two"], "no path is drawn over another"
+    marks = [axes.collections for axes in figure.axes[:2]]
+    assert marks[0][0].get_offsets().tolist() == [list(place) for place in visited]
+    assert not marks[1], "a path without targets shows none"
     for axes, upward in ((figure.axes[0], 2), (figure.axes[2], 3)):
         assert axes.get_ylabel().endswith("[m]")
         assert axes.lines[0].get_ydata()[-1] == pytest.approx(0.1 * upward)
@@ -73,6 +76,9 @@ ON_THE_MODULE = {
     "delivered_impedance": {"frequencies": (1.0, 8.0)},
     "compensation": {"cycles": 1.0},
     "robustness": {"cases": ("small",)},
+    "planar_impedance": {"frequencies": (1.0, 4.0)},
+    "back_drive": {},
+    "requirements": {},
 }
 """Experiments that formulas cannot stand in for, with settings for a short time. The others are
 drawn by `test_kept_results.py` and `test_stability.py`; `calibration` writes a file."""

@@ -15,6 +15,7 @@ from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.page import html_page
 from screw_module_ros.identification.report import (
     CALCULATION,
+    CHOSEN,
     INPUT,
     PREDICTION,
     WANTED,
@@ -65,13 +66,14 @@ def test_only_predictions_are_in_the_headline():
         quantity(10.1, thesis=TEN),
         quantity(9.0, thesis=TEN),
         quantity(10.0, thesis=TEN._replace(given_to_plant=True)),
+        quantity(10.0, thesis=TEN._replace(chosen_by="the contact")),
         quantity(10.0, kind=DERIVED, thesis=TEN),
         quantity(10.0),
     )
     result = Result("repeatability", rows, {})
     report = Report([module_with(repeatability=Outcome(result, "", 1.0))])
     groups = [row.group for row in report.compared]
-    assert groups == [PREDICTION, PREDICTION, INPUT, CALCULATION]
+    assert groups == [PREDICTION, PREDICTION, INPUT, CHOSEN, CALCULATION]
     assert report.headline.startswith("Predictions: 1 of 2 agree with the thesis, 0 more")
 
 

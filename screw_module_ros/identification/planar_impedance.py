@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Delivered impedance of the plane with and without force feedback (thesis appendix D).
+
+As `delivered_impedance` does for the vertical: a firm hand moves the handle in sines, here along
+four directions, and the ratio of its force to the handle's velocity along the direction is the
+impedance there. The law is the shipped one with its guard, which may take the gain of the feedback
+back; what then is left of it is told. Appendix D asks for inertia and friction at the handle, and
+for an impedance that is mainly viscous up to 7 Hz.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from matplotlib.ticker import NullLocator
+
+from ..plant.patient import HandPath
+from ..settings import Setting
+from . import planar_error
+from .figures import COLOURS, DESIRED, panels
+from .force_metric import apparent_mass, first_harmonic, friction_felt
+from .lab import Lab, Part
+from .planar_error import KINDS
+from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
+from .trials import Arm, PlanarTrial, Samples
+
+NAME = "planar_impedance"
+DIRECTIONS = {f"{angle} degrees": math.radians(angle) for angle in (0, 45, 90, 135)}
+"""From +x counter-clockwise [rad]."""
+_FIRM = Arm(0.5, 4000.0, 150.0)
+_CYCLES = 6
+HAND_HZ = 2.0
+"""Up to here a hand moves in therapy, and the inertia counts [Hz]."""
+_LARGEST = 0.04  # amplitude of a sine [m]
+_WORDS = {"none": "without force feedback", "feedback": "with force feedback"}
+
+
+class Settings(NamedTuple):
+    """Sines of the hand, and the commanded spring and damper."""
+
+    frequencies: Annotated[tuple[float, ...], Setting("of the sines", "Hz", 0.1, 20.0)] = (
+        0.5, 1.0, 2.0, 4.0, 7.0,
+    )  # fmt: skip
+    speed: Annotated[float, Setting("peak speed of the hand's sine", "m/s", 0.01, 0.3)] = 0.12
+    acceleration: Annotated[
+        float, Setting("peak acceleration of the hand's sine", "m/s^2", 0.1, 20.0)
+    ] = 3.0
+    stiffness: Annotated[float, Setting("commanded stiffness", "N/m", 0.0, 2000.0)] = 100.0
+    damping: Annotated[float, Setting("commanded damper", "Ns/m", 0.0, 200.0)] = 10.0
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure every direction with and without feedback.
+
+    Data: `frequencies` [Hz] and per kind `resistance` and `reactance` [Ns/m], one row for each of
+    `DIRECTIONS`. Raises ValueError without a frequency of a hand, Cancelled, NotPossible.
+    """
+    if not min(settings.frequencies, default=math.inf) <= HAND_HZ:
+        raise ValueError(f"frequencies: none is {HAND_HZ:g} Hz or less, where the inertia counts")
+    trials = {
+        f"{kind}_{name.split()[0]}_{frequency:g}": _trial(settings, kind, direction, frequency)
+        for kind in KINDS
+        for name, direction in DIRECTIONS.items()
+        for frequency in settings.frequencies
+    }
+    parts = iter(lab.record(NAME, trials, reduced).values())
+    shape = len(KINDS), len(DIRECTIONS), len(settings.frequencies)
+    found = [next(parts) for _ in range(math.prod(shape))]
+    impedances = np.array([complex(part["impedance"]) for part in found]).reshape(shape)
+    shares = np.array([float(part["share"]) for part in found]).reshape(shape)
+    data = {"frequencies": np.array(settings.frequencies)}
+    quantities: list[Quantity] = []
+    for kind, z, share in zip(KINDS, impedances, shares, strict=True):
+        data[f"resistance_{kind}"], data[f"reactance_{kind}"] = z.real, z.imag
+        quantities += _fitted(settings, kind, z, share)
+    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+
+
+_NOTES = (
+    "Impedance: first harmonic of the true force over the velocity of the handle, both along the "
+    f"direction of the motion. Inertia: mean at {HAND_HZ:g} Hz and below, with the commanded "
+    "stiffness. Friction: Coulomb friction with the first harmonic of the slowest sine, without "
+    "the damper's part. Mainly viscous: the resistance is larger than what inertia leaves of the "
+    "reactance without the spring, in every direction.",
+    "A faster sine is an oscillation to the guard, which answers with a damper and with less gain: "
+    "that is the rise of the resistance, and what the hand feels.",
+    "500 samples per second and 0.7 ms from a sample to its torque, as in `planar_error`.",
+)
+
+
+def _sine(settings: Settings, frequency: float) -> tuple[float, float]:
+    """Return amplitude [m] and angular frequency [rad/s] of the hand's sine."""
+    omega = 2.0 * math.pi * frequency
+    return min(_LARGEST, settings.speed / omega, settings.acceleration / omega**2), omega
+
+
+def _trial(settings: Settings, kind: str, direction: float, frequency: float) -> PlanarTrial:
+    amplitude, omega = _sine(settings, frequency)
+    law = planar_error.law_of(planar_error.Settings(damping=settings.damping), kind)
+    return PlanarTrial(
+        law._replace(stiffness=settings.stiffness), arm=_FIRM, direction=direction,
+        path=HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, 0.0),
+        duration=(2 + _CYCLES) / frequency + 0.5,
+    )  # fmt: skip
+
+
+def reduced(trial: PlanarTrial, samples: Samples) -> Part:
+    """Return the impedance along the direction [Ns/m], and the mean share of the gain left.
+
+    Both over the last cycles: the hand begins its sine with a jolt, and the guard acts on that.
+    """
+    along = np.array([math.cos(trial.direction), math.sin(trial.direction)])
+    position, _, force = samples.felt
+    found = first_harmonic(
+        samples.time, position @ along, force @ along, trial.path.omega, _CYCLES
+    )
+    last = samples.time >= samples.time[-1] - 2.0 * math.pi * _CYCLES / trial.path.omega
+    return {"impedance": np.array(found), "share": np.array(samples.share[last].mean())}
+
+
+def _fitted(
+    settings: Settings, kind: str, z: np.ndarray, shares: np.ndarray
+) -> list[Quantity]:
+    """Return inertia, friction and viscous range of a kind.
+
+    z, shares: impedances [Ns/m] and mean shares of the gain, by direction and frequency.
+    """
+    frequencies = np.array(settings.frequencies)
+    handled = frequencies <= HAND_HZ
+    slow = int(np.argmin(frequencies))
+    speed = math.prod(_sine(settings, settings.frequencies[slow]))
+    masses = apparent_mass(z.imag, frequencies, settings.stiffness)
+    inertia = masses[:, handled].mean(axis=1)
+    friction = np.array(
+        [friction_felt(float(one), settings.damping, speed) for one in z.real[:, slow]]
+    )
+    inertial = np.abs(2.0 * np.pi * frequencies * masses)
+    viscous = (z.real > inertial).all(axis=0)
+    order = np.argsort(frequencies)
+    held = np.logical_and.accumulate(viscous[order])
+    upto = float(frequencies[order][held].max()) if held.any() else 0.0
+    text = _WORDS[kind]
+
+    def of(name: str, value: float, unit: str, what: str) -> Quantity:
+        return Quantity(f"{name}_{kind}", float(value), math.nan, unit, f"{what}, {text}")
+
+    return [
+        of("inertia_most", inertia.max(), "kg", "inertia in the heaviest direction"),
+        of("inertia_least", inertia.min(), "kg", "inertia in the lightest direction"),
+        of("friction_most", friction.max(), "N", "friction felt in the stiffest direction"),
+        of("friction_least", friction.min(), "N", "friction felt in the easiest direction"),
+        of("viscous_to", upto, "Hz", "largest frequency of the sines up to which it is viscous"),
+        of("share", shares[:, handled].min(), "",
+           f"least share of the force gain that the guard left at {HAND_HZ:g} Hz and below"),
+    ]  # fmt: skip
+
+
+def draw(result: Result) -> Drawn:
+    """Draw resistance and inertia of every direction over the frequency."""
+    frequencies = result.data["frequencies"]
+    figure, (left, right) = panels(1, 2, (9.0, 4.2))
+    for kind, dash in (("none", "-"), ("feedback", "--")):
+        resistance, reactance = result.data[f"resistance_{kind}"], result.data[f"reactance_{kind}"]
+        masses = apparent_mass(reactance, frequencies, result.settings["stiffness"])
+        for number, (name, colour) in enumerate(zip(DIRECTIONS, COLOURS, strict=False)):
+            line = {"marker": "o", "markersize": 3.0, "color": colour, "linestyle": dash}
+            left.plot(frequencies, resistance[number], **line, label=f"{name}, {_WORDS[kind]}")
+            right.plot(frequencies, masses[number], **line)
+    for axes in (left, right):
+        axes.set(xscale="log", xlabel="frequency [Hz]")
+        axes.set_xticks(frequencies, [f"{one:g}" for one in frequencies])
+        axes.xaxis.set_minor_locator(NullLocator())
+    left.axhline(result.settings["damping"], color=DESIRED, linewidth=0.8)
+    right.axhline(0.0, color=DESIRED, linewidth=0.8)
+    left.set_title("Resistance Re Z, friction included [Ns/m]")
+    right.set_title("Inertia from Im Z, spring taken off [kg]")
+    figure.legend(loc="outside lower center", ncols=2)
+    return {"planar impedance": figure}
+
+
+EXPERIMENT = Experiment(
+    NAME, "delivered impedance of the plane: inertia and friction at the handle (appendix D)",
+    Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip
