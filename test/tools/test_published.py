@@ -59,8 +59,8 @@ def test_a_run_that_says_otherwise_is_told(tmp_path):
 
 def test_a_new_run_changes_the_paragraph_alone(tmp_path):
     kept = {"demo": demo_results(tmp_path, 9.4)}
-    page = "before\n<!-- published: demo -->\nold\n<!-- end -->\nafter\n"
+    page = "before\n<!-- published: demo -->\noutdated\n<!-- end -->\nafter\n"
     found = published.rendered(page, kept)
     assert found.startswith("before\n<!-- published: demo -->\n*`make demo`")
-    assert found.endswith("*\n<!-- end -->\nafter\n") and "old" not in found
+    assert found.endswith("*\n<!-- end -->\nafter\n") and "outdated" not in found
     assert published.rendered(found, kept) == found
