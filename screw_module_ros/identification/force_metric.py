@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a hand feels beside the impedance asked for: offset in motion, error over all samples.
 
-With a perfect impedance controller the patient feels a spring: the force at height z is
-K (z - z0), in both directions of motion; with a damper it is K (z - z0) + B z'. The offset is the
-measured force minus that: friction, the inertia of the screw, and the residual of their
-compensation (thesis 6.1, 6.4, where B is 0). Taken from the spring alone it contains the damper
-too. The error is judged over all samples, with standstill and reversals (ours). All forces are
-those of the patient on the robot, up positive.
+With a perfect impedance controller the patient feels a spring: the force at height z is K (z - z0),
+in both directions of motion; with a damper it is K (z - z0) + B z'. The offset is the measured
+force minus that: friction, the inertia of the screw, and the residual of their compensation (thesis
+6.1, 6.4.2, 6.4.3: B is 0 there). Taken from the spring alone it contains the damper too. The error
+is judged over all samples, with standstill and reversals (ours). All forces are those of the
+patient on the robot, up positive.
 """
 
 from __future__ import annotations

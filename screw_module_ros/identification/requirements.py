@@ -138,7 +138,7 @@ REQUIREMENTS = {
     ),
     "back_friction": Requirement(
         "friction coefficient that still lets the nut turn the screw (eq 5)", "",
-        "back-drivable (3.1.1)", "d_mu_roller", True, why="arithmetic of `back_drive`",
+        "driven from both sides (2.3)", "d_mu_roller", True, why="arithmetic of `back_drive`",
     ),
     "design_factor": Requirement(
         "design factor of the planar links with the module", "", "4.4 (2.2.4)",
@@ -175,11 +175,11 @@ REQUIREMENTS = {
         "d_static_force", why="arithmetic with the inertia found; the motion was not run",
     ),
     "plane_stiffness": Requirement(
-        "stiffness in the plane", "N/m", "100 N/m is typical (3.3)", "d_stiffness", True,
+        "stiffness in the plane", "N/m", "100 N/m is typical (6.1)", "d_stiffness", True,
         why="largest value that the setting takes",
     ),
     "slow_motion": Requirement(
-        "smooth motion at very low speed", "m/s", "0.5 mm/s was driven from outside (5.2.4)",
+        "smooth motion at very low speed", "m/s", "0.5 mm/s was driven from outside (5.2.3)",
         asked_for="no number (2.1.3)", why="no trial with the motor",
     ),
     "weight": Requirement(
