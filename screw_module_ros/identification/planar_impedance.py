@@ -84,9 +84,9 @@ _NOTES = (
     "stiffness. Friction: Coulomb friction with the first harmonic of the slowest sine, without "
     "the damper's part. Mainly viscous: the resistance is larger than what inertia leaves of the "
     "reactance without the spring, in every direction.",
-    "At 4 Hz and above the resistance has two more parts. Across the direction arm and module swing "
-    "on the hand's 4000 N/m, which takes energy from the motion along it. With feedback the guard "
-    "takes a fast sine for an oscillation: a damper of its own, and less gain.",
+    "At 4 Hz and above the resistance has two more parts. Across the direction arm and module "
+    "swing on the hand's 4000 N/m, which takes energy from the motion along it. With feedback the "
+    "guard takes a fast sine for an oscillation: a damper of its own, and less gain.",
     "500 samples per second and 0.7 ms from a sample to its torque, as in `planar_error`.",
 )
 
