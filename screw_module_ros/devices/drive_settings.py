@@ -49,7 +49,8 @@ class DriveSettings(NamedTuple):
                      choices=(1, -1))
     ] = 1
     stop_reaction: Annotated[
-        str, Setting("reaction to a stop: coast lets the patient move out",
+        str, Setting("reaction to a stop: coast lets the patient move out, and a hanging arm fall; "
+                     "brake does so after the drive's ramp",
                      choices=(COAST, BRAKE))
     ] = COAST
     profile: Annotated[

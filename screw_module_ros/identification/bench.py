@@ -29,7 +29,7 @@ from ..filters import lowpass_coefficients, velocity_settled
 from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.instruments import CurrentSensorState, analyzed, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
-from ..plant.patient import HandPath, HumanArm, arm_force, resting
+from ..plant.patient import HandPath, arm_force, held_up, resting
 from ..plant.sensor import measured_wrench, seeded, sensor_params
 from ..plant.settings import WorldSettings, changed_later
 from ..settings import Setting, validated
@@ -180,10 +180,10 @@ class InProcessBench:
                 f"{rate:g} samples per second: the period must be a whole number of substeps of "
                 f"{substep:g} s; choose 500, 1000, 2000 or 4000"
             )
-        arm = HumanArm("active", *trial.arm, 0.0) if isinstance(trial, MotionTrial) else w.arm
+        arm = held_up(*trial.arm) if isinstance(trial, MotionTrial) else arm_force(w.arm)
         plant = vertical_params(
             w.vertical, w.friction, w.amplifier, w.transducer,
-            arm_force(arm, w.vertical.gravity), substep, w.sensor.bandwidth, w.sensor.hysteresis,
+            arm, substep, w.sensor.bandwidth, w.sensor.hysteresis,
         )  # fmt: skip
         quiet = LoopParams(
             plant=plant,

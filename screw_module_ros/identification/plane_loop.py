@@ -25,7 +25,7 @@ from ..filters import (
     velocity_settled,
     velocity_step,
 )
-from ..plant.patient import ArmForce, HandPath, HumanArm, arm_force, hand_point, resting
+from ..plant.patient import ArmForce, HandPath, hand_point, held_up, resting
 from ..plant.planar import (
     ManusInput,
     ManusState,
@@ -244,7 +244,7 @@ def _ticks(
 def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
     loop, dt = trial.loop, world.substep
     steps = round(1.0 / loop.rate / dt)
-    arm = arm_force(HumanArm("active", *trial.arm, 0.0), world.vertical.gravity)
+    arm = held_up(*trial.arm)
     soft = trial.grip.stiffness > 0.0
     return PlaneParams(
         planar_params(world.planar, trial.grip if soft else arm, dt),

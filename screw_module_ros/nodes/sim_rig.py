@@ -225,6 +225,8 @@ class SimRigNode(Node):
             request.duration,
             _xyz(request.amplitude),
             _xyz(request.omega),
+            tuple(request.traits),
+            tuple(request.values),
         )))
 
     def _set_fixture(self, request: SetFixture.Request) -> str:

@@ -54,9 +54,11 @@ def arm(
     mass: float = _NAN,
     stiffness: float = _NAN,
     damping: float = _NAN,
+    traits: Mapping[str, float] | None = None,
 ) -> SetArm.Request:
     """Return a change of the simulated patient, in the units of SetArm.srv.
 
+    traits: by name, such as {"weight": 20.0, "carried": 0.0}; others stay as they are.
     NaN and '' keep the present value. An axis with NaN as target, amplitude and omega continues its
     present path.
     """
@@ -69,6 +71,8 @@ def arm(
         duration=duration,
         amplitude=Vector3(**dict(zip("xyz", amplitude, strict=True))),
         omega=Vector3(**dict(zip("xyz", omega, strict=True))),
+        traits=list(traits or ()),
+        values=list(map(float, (traits or {}).values())),
     )
 
 

@@ -9,16 +9,24 @@ moves on a minimum-jerk path (flashhogan1985) to a target and there follows a si
 - tremor: active, with a 5 Hz sine of 8 mm on each axis of the virtual hand;
 - weak: active, but spring and damper together cannot exceed 8 N.
 
-The arm's mass moves with the handle. The patient carries its weight, except for the share `carried`
-that rests on the handle.
+The arm's mass moves with the handle. Of its `weight`, which is what it weighs at the hand, the
+patient's own muscles carry the share `carried`; the rest hangs on the handle, whatever the kind:
+
+    hanging = weight (1 - carried)
+
+carried = 0 is a flaccid arm, of which the handle bears all; with carried = 1 the patient holds his
+arm up himself, and nothing hangs on the handle.
+
+A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
-from ..settings import Setting, fields, problem
+from ..settings import Field, Setting, fields, problem, shown
 
 ACTIVE, RELAXED, TREMOR, WEAK = "active", "relaxed", "tremor", "weak"
 KINDS = (ACTIVE, RELAXED, TREMOR, WEAK)
@@ -38,14 +46,24 @@ class HumanArm(NamedTuple):
     mass: Annotated[float, Setting("moved with the handle", "kg", 0.0, 60.0)]
     stiffness: Annotated[float, Setting("towards the virtual hand", "N/m", 0.0, 5000.0)]
     damping: Annotated[float, Setting("towards the virtual hand", "N s/m", 0.0, 500.0)]
-    carried: Annotated[float, Setting("share of its weight on the handle", "", 0.0, 1.0)]
+    weight: Annotated[
+        float, Setting("of all of the arm at the hand, before he carries any of it", "N", 0.0, 60.0)
+    ]
+    carried: Annotated[
+        float, Setting("share of the weight that the patient carries himself: with 0 all hangs on "
+                       "the handle, with 1 nothing", "", 0.0, 1.0)
+    ]
+
+
+TRAITS: dict[str, Field] = {name: fields(HumanArm)[name] for name in ("weight", "carried")}
+"""What SetArm sets by name: a new trait is a field of `HumanArm` and its name here."""
 
 
 class ArmForce(NamedTuple):
     """The arm in the equations of motion, the same on every axis.
 
     mass [kg], stiffness [N/m], damping [N s/m], limit: of spring and damper together [N],
-    weight: on the handle [N].
+    weight: of what hangs on the handle [N].
     """
 
     mass: float
@@ -84,15 +102,23 @@ def soft_grip(stiffness: float, damping: float, mass: float) -> ArmForce:
     return RIGID._replace(mass=mass, stiffness=stiffness, damping=damping)
 
 
-def arm_force(arm: HumanArm, gravity: float) -> ArmForce:
-    """Return the arm for the equations of motion; gravity [m/s^2]."""
+def held_up(mass: float, stiffness: float, damping: float) -> ArmForce:
+    """Return the arm of a patient who holds it up himself, as strong as it takes.
+
+    mass [kg], stiffness [N/m] and damping [Ns/m]: towards the virtual hand.
+    """
+    return ArmForce(mass, stiffness, damping, math.inf, 0.0)
+
+
+def arm_force(arm: HumanArm) -> ArmForce:
+    """Return the arm for the equations of motion."""
     relaxed = RELAXED_SHARE if arm.kind == RELAXED else 1.0
     return ArmForce(
         mass=arm.mass,
         stiffness=arm.stiffness * relaxed,
         damping=arm.damping,
         limit=WEAK_FORCE if arm.kind == WEAK else math.inf,
-        weight=arm.mass * gravity * arm.carried,
+        weight=arm.weight * (1.0 - arm.carried),
     )
 
 
@@ -143,7 +169,7 @@ class ArmSettings(NamedTuple):
     kind: active, relaxed, tremor or weak; mass [kg], stiffness [N/m], damping [N s/m];
     target: of the virtual hand, x, y from the centre, z from the bottom [m]; duration: of the
     minimum-jerk way there, 0 = at once [s]; amplitude [m], omega [rad/s]: of the sine about the
-    target from then on.
+    target from then on; traits, values: names of `TRAITS` and what each becomes, as many of either.
     """
 
     kind: str = ""
@@ -154,6 +180,8 @@ class ArmSettings(NamedTuple):
     duration: float = 0.0
     amplitude: Triple = (0.0, 0.0, 0.0)
     omega: Triple = (0.0, 0.0, 0.0)
+    traits: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
 
 
 class Patient(NamedTuple):
@@ -176,9 +204,9 @@ def moved_patient(patient: Patient, z: float) -> Patient:
 def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patient:
     """Return the patient after a change requested at time `now` [s].
 
-    Raises ValueError naming the invalid field.
+    Raises ValueError naming the invalid field or trait; then nothing has changed.
     """
-    arm = patient.arm
+    arm = with_traits(patient.arm, change.traits, change.values)
     if change.kind:
         arm = _replaced(arm, "kind", change.kind)
     for name in ("mass", "stiffness", "damping"):
@@ -192,6 +220,33 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
             raise ValueError(f"{name} = {getattr(change, name)!r}: finite numbers or NaN, please")
     return _with_tremor(arm, [_path(old, arm, change, axis, now)
                               for axis, old in enumerate(patient.paths)])  # fmt: skip
+
+
+def with_traits(arm: HumanArm, traits: Sequence[str], values: Sequence[float]) -> HumanArm:
+    """Return the arm with other values of the named `TRAITS`.
+
+    Raises ValueError for what `wrong_trait` finds, a name that comes twice, and lists that differ
+    in length.
+    """
+    if len(traits) != len(values):
+        raise ValueError(
+            f"traits: {len(traits)} names, values: {len(values)} numbers: one for each is wanted"
+        )
+    if len(set(traits)) < len(traits):
+        raise ValueError(f"traits = {shown(list(traits))}: name each once")
+    for name, value in zip(traits, values, strict=True):
+        if wrong := wrong_trait(name, value):
+            raise ValueError(wrong)
+        arm = _replaced(arm, name, float(value))
+    return arm
+
+
+def wrong_trait(name: str, value: float) -> str:
+    """Return what is wrong with a value of the trait `name`, empty if nothing."""
+    if name in TRAITS:
+        return problem(TRAITS[name], value)
+    known = (f"{one} from {s.low:g} to {s.high:g} {s.unit}" for one, (_, _, s) in TRAITS.items())
+    return f"trait {shown(name)} is unknown; there are {', '.join(map(str.strip, known))}"
 
 
 def _replaced(arm: HumanArm, name: str, value: Any) -> HumanArm:

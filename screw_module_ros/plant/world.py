@@ -121,7 +121,7 @@ class World:
     def _built(self) -> Any:
         """Return the parameters of the simulation in the form `_advance` takes."""
         s = self.settings
-        arm = arm_force(self._patient.arm, s.vertical.gravity)
+        arm = arm_force(self._patient.arm)
         return self._prepared(
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,

@@ -9,6 +9,7 @@ robot goes, until the game is silent.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
@@ -19,7 +20,7 @@ from ..operator.robot import Robot, arm
 from ..therapy.protocol import CIRCLE
 from ..therapy.wishes import SILENT_NS, WishLimits
 
-HEALTHY, TREMOR, WEAK = "healthy", "tremor", "weak"
+HEALTHY, TREMOR, WEAK, FLACCID = "healthy", "tremor", "weak", "flaccid"
 STILL = (0.0, 0.0, 0.0)
 RADIUS = 0.10
 """Of the centre-out reach, from the workspace centre to each target [m]."""
@@ -104,7 +105,8 @@ def centre_out(duration: float, points: list[tuple[float, float]]) -> list[Way]:
 class Person(NamedTuple):
     """kind: of the rig's arm (SetArm.srv); duration: of a reach [s]; stiffness [N/m].
 
-    reach: share of the way to a session's target that the hand moves by itself.
+    reach: share of the way to a session's target that the hand moves by itself, 0 = it never moves
+    by itself; traits: of the arm, by name (`plant.patient.TRAITS`).
     """
 
     kind: str
@@ -113,11 +115,17 @@ class Person(NamedTuple):
     damping: float = 20.0
     mass: float = 3.0
     reach: float = 1.0
+    traits: tuple[tuple[str, float], ...] = ()
+
+    def with_traits(self, traits: Iterable[tuple[str, float]]) -> Person:
+        """Return this person with other values of some traits; of two, the last counts."""
+        return self._replace(traits=tuple({**dict(self.traits), **dict(traits)}.items()))
 
     def takes_hold(self) -> SetArm.Request:
         """Return the arm of this person, at the centre of the workspace."""
         return arm(
-            _CENTRE, 0.5, STILL, STILL, self.kind, self.mass, self.stiffness, self.damping
+            _CENTRE, 0.5, STILL, STILL, self.kind, self.mass, self.stiffness, self.damping,
+            dict(self.traits),
         )
 
 
@@ -129,6 +137,11 @@ PEOPLE = {
     HEALTHY: Person("active", 1.1, stiffness=800.0, damping=80.0),
     TREMOR: Person("tremor", 1.2),
     WEAK: Person("weak", 2.6, stiffness=200.0, reach=0.8),
+    # All of the arm hangs on the handle, as heavy as thesis 2.1.1 found one. 30 N/m act (ours).
+    FLACCID: Person(
+        "relaxed", 1.1, stiffness=300.0, damping=10.0, reach=0.0,
+        traits=(("weight", 20.0), ("carried", 0.0)),
+    ),
 }
 
 
@@ -151,7 +164,7 @@ class SimulatedPlayer:
     def look(self) -> None:
         """Read the newest target; start a movement if it is a new one."""
         goal = self._goal()
-        if goal is None:
+        if goal is None or self._person.reach == 0.0:
             return
         seen, point = goal
         if seen != self._seen and any(map(math.isfinite, point)):  # NaN: the axis goes on

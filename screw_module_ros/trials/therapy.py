@@ -19,6 +19,7 @@ from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot
+from ..plant.patient import wrong_trait
 from ..terminal import Console
 from .patient import HEALTHY, PEOPLE, Hand, Person, SimulatedPlayer
 from .runner import GraphRun, command, recordings_in, running
@@ -29,9 +30,32 @@ _STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], 
 _LOOK_S = 0.05
 
 
+class _Trait(click.ParamType):
+    """A trait of the simulated arm on the command line, NAME=VALUE."""
+
+    name = "trait"
+
+    def convert(
+        self, value: str, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, float]:
+        """Return name and value; fails with a sentence as SetArm's."""
+        trait, _, number = value.partition("=")
+        try:
+            found = float(number)
+        except ValueError:
+            self.fail(f"{value!r}: NAME=NUMBER is wanted, such as carried=0", param, ctx)
+        if wrong := wrong_trait(trait, found):
+            self.fail(wrong, param, ctx)
+        return trait, found
+
+
 @command("therapy")
 @click.option(
     "--patient", type=click.Choice(sorted(PEOPLE)), default=HEALTHY, help="Simulated patient."
+)
+@click.option(
+    "--trait", "traits", type=_Trait(), multiple=True, metavar="NAME=VALUE",
+    help="Another value of a trait of his arm, as in SetArm.srv: carried=0. Repeatable.",
 )
 @click.option("--port", type=click.IntRange(1, 65535), default=8090, help="Port of the pages.")
 @click.option(
@@ -43,8 +67,8 @@ _LOOK_S = 0.05
 )
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs.")
 def therapy(
-    console: Console, patient: str, port: int, file_games: bool, folder: Path | None,
-    node_logs: bool,
+    console: Console, patient: str, traits: tuple[tuple[str, float], ...], port: int,
+    file_games: bool, folder: Path | None, node_logs: bool,
 ) -> None:  # fmt: skip
     """Run a therapy session on the simulated robot, in the browser."""
     extra = [] if node_logs else ["--disable-stdout-logs"]
@@ -52,7 +76,8 @@ def therapy(
         extra += recordings_in(folder)
     nodes = GraphRun(extra=extra, composed=True)
     with running("therapy", console, nodes, with_pages(port, file_games)) as (robot, graph):
-        serve(robot, PEOPLE[patient], port, tokens_in(token_file(graph)), console)
+        person = PEOPLE[patient].with_traits(traits)
+        serve(robot, person, port, tokens_in(token_file(graph)), console)
 
 
 def with_pages(port: int, file_games: bool = False) -> Callable[[GraphRun], None]:

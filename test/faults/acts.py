@@ -6,6 +6,8 @@ from __future__ import annotations
 from functools import reduce
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from row import HOME, PERIOD_NS, Act
@@ -13,6 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 _FAR = 0.01
 """Two positions that differ by this much disagree at any speed of the hand [m]."""
+_FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
 _AGAIN_S = 1.1  # a homing that contradicts the last one counts the second time, after 1 s
 
 
@@ -139,6 +142,35 @@ def game(*setpoint: float) -> Act:
 
     def act(robot) -> None:
         robot.setpoint = setpoint or None
+
+    return act
+
+
+def transition(node: str, number: int) -> Act:
+    """Ask for a transition of a node's life cycle, by its number; it must be done."""
+
+    def act(robot) -> float:
+        client = robot.client(ChangeState, f"{node}/change_state")
+        ready = robot.creep_until(lambda: robot.is_offered(client), _FOUND_S)
+        begin = robot.time
+        future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
+        # The request travels by wall clock; the transition takes simulated time.
+        robot.creep_until(future.done, _ASKED_S)
+        assert ready and robot.met(future.done, _DONE_S) and future.result().success
+        return begin
+
+    return act
+
+
+def reconfigured(node: str, name: str, value: Any) -> Act:
+    """Give a node another value of a parameter that it reads when it is configured."""
+    down = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+    up = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+
+    def act(robot) -> None:
+        both(*[transition(node, number) for number in down])(robot)
+        robot.set_parameter(node, name, value)
+        both(*[transition(node, number) for number in up])(robot)
 
     return act
 

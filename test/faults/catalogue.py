@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import rows_arm
 import rows_bus
 import rows_commands
 import rows_drives
@@ -25,6 +26,7 @@ _FILES = (
     rows_drives,
     rows_commands,
     rows_operator,
+    rows_arm,
     rows_machine,
     rows_intruders,
     rows_frames,

@@ -16,6 +16,8 @@ STILL = (0.0, 0.0, 0.0)
 LEAVE = math.nan
 _AMPLITUDE, _OMEGA = (0.02, 0.02, 0.06), 3.0  # of the moving hand [m], [rad/s]
 _DAMPING = 40.0  # of the arm [Ns/m]: the hand comes to rest
+_LIMP_DAMPING = 10.0  # of one that hangs [Ns/m]
+_GRAVITY = 9.81  # [m/s^2]
 _LOWEST, _HIGHEST = 0.02, 0.33  # heights at which the hand may rest [m]
 _AT_MARK, _RESTING, _RESTING_JOINT = 0.002, 0.004, 0.01
 _AT_PLANE_MARK = 0.005  # the joints' stiction holds a soft hand 2 mm from its mark [m]
@@ -31,8 +33,17 @@ class Hand:
         self._holds = True
 
     def set_up(self) -> None:
-        """Set mass, stiffness and damping of the rig's patient, after a start of the rig."""
-        self._robot.set_arm(arm(kind="active", mass=3.0, stiffness=300.0, damping=_DAMPING))
+        """Set the arm of the rig's patient, who holds it up, after a start of the rig."""
+        self._robot.set_arm(
+            arm(kind="active", mass=3.0, stiffness=300.0, damping=_DAMPING, traits={"carried": 1.0})
+        )
+
+    def hang(self, weight: float) -> None:
+        """Let an arm of a weight [N] hang on the handle, as heavy as it is inert."""
+        traits = {"weight": weight, "carried": 0.0}
+        self._robot.set_arm(
+            arm(kind="relaxed", mass=weight / _GRAVITY, damping=_LIMP_DAMPING, traits=traits)
+        )
 
     def rest(self) -> None:
         """Let the hand rest at the reference mark; with a drive off, where the handle is."""

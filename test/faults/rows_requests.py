@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from acts import both, called, refused, repeated
+from acts import both, called, refused, repeated, transition
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from row import (
@@ -33,7 +32,6 @@ GROUP = "intruders"
 _MISSED = LOST + 2 * 20 + 20 + DYING
 """Samples until the supervisor counts a deactivated node as lost."""
 _SPECTATOR = "endpoint_state"
-_FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
 _STUTTERS, _STUTTER_S = 5, 0.017
 _goes_on = partial(goes_on, group=GROUP, watch=0.3)
 
@@ -49,26 +47,12 @@ def _parameter_storm(robot) -> None:
     robot.configure()
 
 
-def _transition(node: str, number: int) -> Act:
-    def act(robot) -> float:
-        client = robot.client(ChangeState, f"{node}/change_state")
-        ready = robot.creep_until(lambda: robot.is_offered(client), _FOUND_S)
-        begin = robot.time
-        future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
-        # The request travels by wall clock; the transition takes simulated time.
-        robot.creep_until(future.done, _ASKED_S)
-        assert ready and robot.met(future.done, _DONE_S) and future.result().success
-        return begin
-
-    return act
-
-
 def _deactivated(node: str, who: str, report: str, services, within: int, plane: int) -> Row:
     return Row(
         f"{node}-deactivated", GROUP, f"lifecycle deactivate of the {node} in motion",
-        _transition(node, Transition.TRANSITION_DEACTIVATE), Report(report, node, node),
+        transition(node, Transition.TRANSITION_DEACTIVATE), Report(report, node, node),
         services, who, within, plane,
-        mend=_transition(node, Transition.TRANSITION_ACTIVATE), watch=0.3,
+        mend=transition(node, Transition.TRANSITION_ACTIVATE), watch=0.3,
     )  # fmt: skip
 
 

@@ -23,8 +23,10 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from runner import sentence
+from screw_module_msgs.srv import SetArm
 
 from screw_module_ros.nodes.support.node import Node
+from screw_module_ros.plant.patient import TRAITS
 from screw_module_ros.trials.runner import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
@@ -96,6 +98,8 @@ class NodeRequests:
             for parameter in request.parameters:
                 if rng.random() < 0.9:
                     parameter.name = rng.choice(known)
+        if kind is SetArm and rng.random() < 0.9:
+            request.traits = [rng.choice((*TRAITS, "x")) for _ in request.values]
         return request
 
     def _note(self, name: str, answer: Any) -> None:

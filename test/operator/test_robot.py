@@ -254,3 +254,9 @@ def test_an_arm_leaves_alone_what_is_not_said():
     assert (request.target.x, request.duration, request.kind) == (0.1, 2.0, "")
     for value in (request.target.z, request.mass, request.stiffness, request.amplitude.z):
         assert value != value
+    assert (list(request.traits), list(request.values)) == ([], [])
+
+
+def test_an_arm_has_the_traits_that_are_named():
+    request = arm(traits={"carried": 0, "weight": 12.0})
+    assert (list(request.traits), list(request.values)) == (["carried", "weight"], [0.0, 12.0])

@@ -19,7 +19,7 @@ def settings() -> WorldSettings:
 @pytest.fixture(scope="session")
 def vertical(settings) -> VerticalParams:
     """The default module with the default arm, for `vertical_step`."""
-    arm = arm_force(settings.arm, settings.vertical.gravity)
+    arm = arm_force(settings.arm)
     return vertical_params(
         settings.vertical,
         settings.friction,

@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from screw_module_ros.plant.fixture import stage_velocity
 from screw_module_ros.plant.patient import (
+    TRAITS,
     ArmSettings,
     HandPath,
     arm_force,
     changed_patient,
     hand_point,
+    held_up,
     resting,
     resting_patient,
     spring_terms,
@@ -55,12 +57,21 @@ def test_velocity_is_the_derivative_of_position(time):
     ("change", "force"),
     [
         ({}, (3.0, 300.0, 5.0, math.inf, 0.0)),
-        ({"carried": 0.5}, (3.0, 300.0, 5.0, math.inf, 14.715)),
         ({"kind": "relaxed"}, (3.0, 30.0, 5.0, math.inf, 0.0)),
+        ({"weight": 12.0, "carried": 0.25}, (3.0, 300.0, 5.0, math.inf, 9.0)),
+        ({"carried": 0.0, "kind": "relaxed"}, (3.0, 30.0, 5.0, math.inf, 20.0)),
+        ({"carried": 0.0, "kind": "weak"}, (3.0, 300.0, 5.0, 8.0, 20.0)),
     ],
 )
-def test_kinds(settings, change, force):
-    assert arm_force(settings.arm._replace(**change), 9.81) == pytest.approx(force)
+def test_kinds_and_what_hangs_on_the_handle(settings, change, force):
+    assert arm_force(settings.arm._replace(**change)) == pytest.approx(force)
+
+
+def test_a_study_s_arm_is_the_shipped_one_which_the_patient_holds_up(settings):
+    """Runs from before the weight stay comparable."""
+    arm = settings.arm
+    assert (arm.weight, arm.carried) == (20.0, 1.0)
+    assert held_up(arm.mass, arm.stiffness, arm.damping) == arm_force(arm)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +83,7 @@ def test_kinds(settings, change, force):
     ],
 )
 def test_a_weak_arm_pulls_with_all_it_has(settings, hand, at, terms):
-    weak = arm_force(settings.arm._replace(kind="weak"), 9.81)
+    weak = arm_force(settings.arm._replace(kind="weak"))
     assert spring_terms(weak, hand, 0.0, at, 0.0) == terms
 
 
@@ -127,6 +138,38 @@ def test_tremor_and_relaxed_change_the_path(patient):
     assert sum(a * b < 0.0 for a, b in zip(swing, swing[1:], strict=False)) in (9, 10)
     relaxed = changed_patient(patient, SINE._replace(kind="relaxed"), 0.0)
     assert relaxed.paths[2] == resting(0.18)._replace(omega=0.8)
+
+
+def test_traits_are_set_by_name_and_the_others_stay(patient):
+    one = changed_patient(patient, ArmSettings(traits=("carried",), values=(0.0,)), 0.0)
+    assert one.arm == patient.arm._replace(carried=0.0)
+    names = ("carried", "weight")
+    two = changed_patient(one, ArmSettings(traits=names, values=(0.5, 12.0)), 0.0)
+    assert two.arm == patient.arm._replace(weight=12.0, carried=0.5)
+
+
+@pytest.mark.parametrize(
+    ("traits", "values", "said"),
+    [
+        (("wieght",), (5.0,), "'wieght' is unknown; there are weight from 0 to 60 N, carried"),
+        (("mass",), (5.0,), "'mass' is unknown"),
+        (("weight",), (math.nan,), "weight = nan: a finite number"),
+        (("weight",), (-1.0,), "weight = -1.0 N: below the smallest allowed, 0 N"),
+        (("carried",), (1.5,), "carried = 1.5: above the largest allowed, 1"),
+        (("weight", "carried"), (5.0,), "2 names, values: 1 numbers"),
+        ((), (5.0,), "0 names, values: 1 numbers"),
+        (("weight", "weight"), (5.0, 6.0), "name each once"),
+    ],
+)
+def test_odd_traits_are_refused_in_one_sentence(patient, traits, values, said):
+    with pytest.raises(ValueError, match=said):
+        changed_patient(patient, ArmSettings(traits=traits, values=values), 0.0)
+
+
+def test_every_trait_has_a_range_and_a_text():
+    for field in TRAITS.values():
+        assert field.kind is float and field.setting.text
+        assert -math.inf < field.setting.low < field.setting.high < math.inf
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def loop(p, amplifier, s, gain, filter_pole, filter_zero, steps, late, noise, re
 def study(settings):
     """`study(gain, rate, delay, **changes of the module)` -> (offset, chatter share, reach)."""
     quick = compiled(loop)
-    arm = arm_force(settings.arm, settings.vertical.gravity)
+    arm = arm_force(settings.arm)
 
     def run(gain, rate=1000.0, delay=1.2e-3, **changes):
         module = settings.vertical._replace(**changes)

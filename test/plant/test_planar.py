@@ -32,7 +32,7 @@ quick_step = compiled(planar_step)
 @pytest.fixture(scope="session")
 def plane(settings):
     """The default planar arm with the default patient."""
-    return planar_params(settings.planar, arm_force(settings.arm, 9.81), settings.substep)
+    return planar_params(settings.planar, arm_force(settings.arm), settings.substep)
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +41,7 @@ def slippery(settings):
     robot = settings.planar._replace(
         friction=0.001, viscous=0.0, bristle_damping=0.0, bandwidth=1e5
     )
-    return planar_params(robot, arm_force(settings.arm, 9.81), settings.substep)
+    return planar_params(robot, arm_force(settings.arm), settings.substep)
 
 
 def inertia(shoulder, elbow, mass):

@@ -227,11 +227,85 @@ def test_a_grip_that_is_hard_is_the_rigid_hand(vertical, still):
     assert rigid.handle > 0.201
 
 
-@pytest.mark.parametrize("upright", [1.0, -1.0])
-def test_carried_arm_weighs_on_the_handle(vertical, still, upright):
+def hanging(p, mass=2.04, weight=20.0, grip=None, **module):
+    """Return the rig with an arm that only hangs: neither stiffness nor damping."""
+    return handled(p, mass, weight=weight, grip=grip, **module)
+
+
+GRIPS = pytest.mark.parametrize("grip", [None, (6000.0, 60.0, 0.4)], ids=["rigid", "soft"])
+UPRIGHT = pytest.mark.parametrize("upright", [1.0, -1.0], ids=["upright", "upside down"])
+
+
+@GRIPS
+@UPRIGHT
+@pytest.mark.parametrize("weight", [5.0, 20.0])
+def test_what_hangs_on_the_handle_is_what_the_transducer_shows(
+    vertical, still, upright, weight, grip
+):
     u = still._replace(fixture=HUMAN_ARM, locked=True, upright=upright)
-    s = after(handled(vertical, weight=10.0), u, 4000)
-    assert s.patient_force == pytest.approx(-10.0 * upright, abs=0.01)
+    s = after(hanging(vertical, weight=weight, grip=grip), u, 40_000)
+    assert s.patient_force == pytest.approx(-weight * upright, abs=0.01)
+    assert s.shown_force == pytest.approx(-weight * upright, abs=0.01)
+
+
+@GRIPS
+@UPRIGHT
+def test_a_hanging_arm_is_held_by_its_own_spring_too(vertical, still, upright, grip):
+    """At rest spring and handle share the weight, at the stretch of both."""
+    p = handled(vertical, 2.04, 300.0, 5.0, weight=20.0, grip=grip)
+    u = still._replace(fixture=HUMAN_ARM, locked=True, upright=upright, hand=0.22)
+    s = after(p, u, 60_000)
+    assert s.patient_force == pytest.approx(300.0 * (0.22 - s.arm) - 20.0 * upright, abs=0.01)
+
+
+@UPRIGHT
+def test_a_weak_arm_s_limit_is_not_that_of_its_weight(vertical, still, upright):
+    u = still._replace(fixture=HUMAN_ARM, locked=True, upright=upright, hand=0.3)
+    p = handled(vertical, 2.04, 300.0, 5.0, weight=20.0, strength=8.0)
+    assert after(p, u, 40_000).patient_force == pytest.approx(8.0 - 20.0 * upright, abs=0.01)
+
+
+@GRIPS
+@UPRIGHT
+def test_a_hanging_arm_falls_with_what_friction_leaves_of_the_weights(
+    vertical, still, upright, grip
+):
+    """Newton for nut, handle and arm as one mass; what the hand feels is the arm's share."""
+    p = hanging(vertical, grip=grip)
+    module, mass = p.module, p.arm.mass + (p.grip.mass if grip else 0.0)
+    moving = module.turning_mass + module.moving_mass + mass
+    weight = 20.0 + module.moving_mass * module.gravity
+    way = [s for _, s in along(p, still._replace(fixture=HUMAN_ARM, upright=upright), 8000)][1000:]
+    time = len(way) * p.dt
+    fall = -upright * (way[-1].handle_velocity - way[0].handle_velocity) / time
+    friction = upright * sum(s.friction for s in way) / len(way)  # against a fall: negative
+    assert fall == pytest.approx((weight + friction - module.rail_friction) / moving, rel=0.02)
+    assert fall > 0.5
+    felt = -upright * sum(s.patient_force for s in way) / len(way)
+    assert felt == pytest.approx(20.0 - mass * fall, abs=0.1)
+
+
+def test_a_fall_from_a_free_handle_begins_with_the_weight_of_both_over_their_mass(vertical, still):
+    """Within the play the guide alone holds them: no nut, no film, no friction of the screw."""
+    p = hanging(vertical, film_damping=0.0, play=4e-3)
+    start = {"handle": 0.2 + 1.9e-3}
+    s = after(p, still._replace(fixture=HUMAN_ARM), 200, **start)
+    pull = 20.0 + (p.module.moving_mass * p.module.gravity) - p.module.rail_friction
+    assert -s.handle_velocity == pytest.approx(
+        pull / (2.04 + p.module.moving_mass) * 200 * p.dt, rel=0.01
+    )
+
+
+def test_a_shorted_motor_lets_a_hanging_arm_sink(vertical, still):
+    """At a constant speed, at which brake and friction bear the weights."""
+    p = hanging(vertical)
+    u = still._replace(fixture=HUMAN_ARM, braked=True)
+    s = after(p, u, 20_000)
+    brake = p.module.brake_damping * p.turn_rate**2 * s.nut_velocity
+    weight = 20.0 + p.module.moving_mass * p.module.gravity
+    rail = p.module.rail_friction
+    assert -brake == pytest.approx(weight + s.friction - rail, abs=0.2)
+    assert -0.03 < s.nut_velocity < -0.01
 
 
 def test_shorted_motor_brakes(vertical, still):

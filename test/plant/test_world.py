@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
+from screw_module_ros.plant.patient import KINDS
 from screw_module_ros.plant.world import ArmSettings, Truth, World
 
 SINE = ArmSettings(
@@ -122,6 +123,50 @@ def test_drives_without_power_coast_and_shorted_ones_brake(settings):
     torques = (world.vertical_torque, *world.planar_torque)
     for torque, velocity in zip(torques, (truth.nut_velocity, *truth.joint_velocity), strict=True):
         assert torque * velocity < 0.0
+
+
+@pytest.mark.parametrize("weight", [5.0, 11.0, 20.0, 24.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_transducer_shows_the_weight_of_a_resting_arm(settings, weight, kind):
+    """Beyond its zero, which a free handle shows; the pin holds the handle."""
+    world = World(settings, 3)
+    world.set_arm(ArmSettings(kind, target=(math.nan, math.nan, 0.25), damping=80.0))
+    world.set_fixture("free", locked=True)
+    zero = mean_force(world)
+    world.set_fixture("human_arm", locked=True)
+    world.set_arm(ArmSettings(traits=("weight", "carried"), values=(weight, 0.0)))
+    assert mean_force(world) - zero == pytest.approx(-weight, abs=0.3)
+    world.set_arm(ArmSettings(traits=("carried",), values=(0.4,)))
+    assert mean_force(world) - zero == pytest.approx(-0.6 * weight, abs=0.3)
+
+
+def mean_force(world):
+    """Return the mean of the vertical force that the transducer shows over a second [N]."""
+    world.advance(1.0)
+    forces = []
+    for _ in range(1000):
+        world.advance(1e-3)
+        forces.append(world.wrench()[2])
+    return sum(forces) / len(forces)
+
+
+@pytest.mark.parametrize(
+    ("weight", "braked", "fallen", "fastest"),
+    [(10.0, False, 0.074, 0.33), (20.0, False, 0.168, 0.60), (20.0, True, 0.008, 0.017)],
+)
+def test_what_a_hanging_arm_does_without_torque(settings, weight, braked, fallen, fastest):
+    """The figures of docs/hazards.md: fallen in 0.5 s [m], fastest [m/s]; shorted, it brakes."""
+    arm = settings.arm._replace(
+        mass=weight / 9.81, stiffness=30.0, damping=10.0, weight=weight, carried=0.0
+    )
+    world, speeds = World(settings._replace(arm=arm)), []
+    world.vertical_braked = braked
+    for _ in range(1500):
+        world.advance(1e-3)
+        speeds.append(-world.truth().handle_velocity)
+        if len(speeds) == 500:
+            assert 0.25 - world.truth().handle_position == pytest.approx(fallen, rel=0.1)
+    assert max(speeds) == pytest.approx(fastest, rel=0.1)
 
 
 def test_handle_is_carried_to_where_the_fixture_starts(settings):

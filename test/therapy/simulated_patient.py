@@ -73,10 +73,10 @@ class Simulation:
         self.person = person
         self.chance = random.Random(f"patient {seed}")
         # Mass and stiffness are the thesis's (6.4.3); its 5 Ns/m would swing twice on each reach.
-        arm = HumanArm(person.kind, 3.0, 300.0, 30.0, 0.0)
+        arm = HumanArm(person.kind, 3.0, 300.0, 30.0, weight=20.0, carried=1.0)
         x, y, z = session.protocol.centre
         self.patient = resting_patient(arm, x, y, z)
-        self.arm = arm_force(arm, 9.81)
+        self.arm = arm_force(arm)
         self.position, self.velocity = [x, y, z], [0.0, 0.0, 0.0]
         self.handle = [0.0, 0.0, 0.0]
         self.now_ns, self.count = 0, 0

@@ -6,11 +6,16 @@ from __future__ import annotations
 import math
 
 import pytest
+from click.testing import CliRunner
 from geometry_msgs.msg import Point
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.plant.patient import arm_force, with_traits
+from screw_module_ros.plant.settings import load_world
+from screw_module_ros.trials import therapy
 from screw_module_ros.trials.patient import (
+    FLACCID,
     HEALTHY,
     PEOPLE,
     RADIUS,
@@ -62,6 +67,43 @@ def test_a_weak_patient_comes_four_fifths_of_the_way(trial, patient, reached):
         robot.hear(trial)
         player.look()
     assert robot.sent == [pytest.approx(START), pytest.approx(reached)]
+
+
+def test_a_flaccid_patient_hangs_his_arm_on_the_handle_and_never_moves_it(trial):
+    flaccid = PEOPLE[FLACCID]
+    takes = flaccid.takes_hold()
+    assert dict(zip(takes.traits, takes.values, strict=True)) == {"weight": 20.0, "carried": 0.0}
+    robot = PlayedRobot()
+    player = SimulatedPlayer(robot, flaccid)
+    for phase in (TherapyState.PREPARE, TherapyState.MOVING):
+        trial.phase = phase
+        robot.hear(trial)
+        player.look()
+    assert robot.sent == []
+
+
+@pytest.mark.parametrize(("patient", "traits", "weight"), [
+    (HEALTHY, [], 0.0),
+    (WEAK, [("weight", 15.0), ("carried", 0.5)], 7.5),
+    (FLACCID, [("weight", 9.0)], 9.0),
+    (FLACCID, [("carried", 0.5), ("carried", 1.0)], 0.0),
+])  # fmt: skip
+def test_what_hangs_on_the_handle_of_a_person_with_other_traits(patient, traits, weight):
+    takes = PEOPLE[patient].with_traits(traits).takes_hold()
+    arm = with_traits(load_world().arm, takes.traits, takes.values)
+    assert arm_force(arm).weight == pytest.approx(weight)
+
+
+@pytest.mark.parametrize(("trait", "said"), [
+    ("wieght=5", "'wieght' is unknown; there are weight from 0 to 60 N, carried from 0 to 1"),
+    ("weight=nan", "weight = nan: a finite number is wanted"),
+    ("carried=2", "carried = 2.0: above the largest allowed, 1"),
+    ("carried", "'carried': NAME=NUMBER is wanted, such as carried=0"),
+])  # fmt: skip
+def test_an_odd_trait_on_the_command_line_is_refused_as_by_the_service(trait, said):
+    done = CliRunner().invoke(therapy.therapy, ["--trait", trait])
+    assert done.exit_code == 2
+    assert said in " ".join(done.output.split())
 
 
 def test_a_game_s_wish_is_followed_as_far_as_the_robot_goes_until_the_game_is_silent():

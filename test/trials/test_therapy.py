@@ -26,8 +26,8 @@ def free_port():
 
 def test_it_prints_two_addresses_and_ends_in_order(tmp_path, wait_until):
     port = free_port()
-    command = [executable_path("therapy"), "--patient", "weak", "--port", str(port),
-               "--folder", str(tmp_path)]  # fmt: skip
+    command = [executable_path("therapy"), "--patient", "weak", "--trait", "carried=0.9",
+               "--port", str(port), "--folder", str(tmp_path)]  # fmt: skip
     therapy = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
         text=True, start_new_session=True,
