@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 _FAR = 0.01
 """Two positions that differ by this much disagree at any speed of the hand [m]."""
 _FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
+_OLD_S = 0.4  # after this time nobody takes a state for that of a node that has ended
 _AGAIN_S = 1.1  # a homing that contradicts the last one counts the second time, after 1 s
 
 
@@ -168,7 +169,7 @@ def reconfigured(node: str, name: str, value: Any) -> Act:
     up = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
 
     def act(robot) -> None:
-        both(*[transition(node, number) for number in down])(robot)
+        both(*[transition(node, number) for number in down], paused(_OLD_S))(robot)
         robot.set_parameter(node, name, value)
         both(*[transition(node, number) for number in up])(robot)
 
