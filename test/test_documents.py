@@ -72,7 +72,7 @@ def _fill(message: Any, values: dict) -> None:
         if isinstance(value, dict):
             _fill(part, value)
         else:
-            setattr(message, name, type(part)(value))
+            setattr(message, name, value if isinstance(value, list) else type(part)(value))
 
 
 def request_class(kind: str) -> type:
