@@ -37,9 +37,9 @@ class VerticalController:
     step. wanted: the set point, height only. guide: the slot, if there is one. fault: what is
     latched. answered: newest sample turned into a command, None before the first. handle_force:
     newest accepted one [N]. meter: latency from a sample to its command. reason: why the force is
-    zero, empty if it is not. lease: of a trial; where it lapses while torque may act, that is a
-    fault. A fault while the amplifier is on or a force is commanded stays
-    latched until `reset`; any other fault ends with its cause.
+    zero, empty if it is not. activation: its number, other than those of controllers before. lease:
+    of a trial; where it lapses while torque may act, that is a fault. A fault while the amplifier
+    is on or a force is commanded stays latched until `reset`; any other fault ends with its cause.
     """
 
     def __init__(
@@ -51,9 +51,11 @@ class VerticalController:
         period_ns: int,
         mode: int = OFF,
         slot_limits: SlotLimits = _SLOT_LIMITS,
+        activation: int = 0,
     ):
         self.settings = settings
         self.mode = mode
+        self.activation = activation
         self.output = NO_FORCE
         self.state: VerticalState = initial_state(settings)
         self.reason = ""

@@ -89,6 +89,7 @@ class VerticalDrive:
         self._laws, self._excitation = chain, excitation_chain(chain)
         self._prepared = self._chain = chain
         self._mode = OFF
+        self._activation = 0
         self._phase = CLOSED
         self._force = self._followed = 0.0
         self._heat = heat
@@ -144,17 +145,18 @@ class VerticalDrive:
             pass
 
     def act(
-        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF
-    ) -> None:
+        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF,
+        activation: int = 0,
+    ) -> None:  # fmt: skip
         """Turn a command [N] into torque at once.
 
         sequence, monotonic_ns: of the sample behind it; now_ns: when the sample or command came
-        [ns]; mode: of the controller, constant of `modes`.
+        [ns]; mode: of the controller, constant of `modes`; activation: of the controller.
         """
         # Torque first: the status read last time is one period old, ten are allowed.
         self.asked = force
         try:
-            if self.command(sequence, monotonic_ns, force, now_ns, mode):
+            if self.command(sequence, monotonic_ns, force, now_ns, mode, activation):
                 done_ns = self._clock.now_ns()
                 self.meter.tick(sequence, monotonic_ns, done_ns)
                 note_latency(self.own, done_ns - now_ns)
@@ -191,8 +193,9 @@ class VerticalDrive:
     # From force to torque ------------------------------------------------------------------
 
     def command(
-        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF
-    ) -> bool:
+        self, sequence: int, monotonic_ns: int, force: float, now_ns: int, mode: int = OFF,
+        activation: int = 0,
+    ) -> bool:  # fmt: skip
         """Write a force command [N]; return whether it was plausible and new. Raises DeviceError.
 
         Zero torque is always written, whatever fault exists.
@@ -207,6 +210,7 @@ class VerticalDrive:
         accepted = newer and not implausible
         if accepted:
             self._mode = mode
+            self._follow(activation)
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
             self._write(0.0, now_ns)
@@ -220,6 +224,18 @@ class VerticalDrive:
         """
         if now_ns - self._written_ns >= 2 * self._period_ns:
             self._write(self._force, now_ns)
+
+    def _follow(self, activation: int) -> None:
+        """Latch a fault when another activation of the controller commands than the gate knows.
+
+        A controller that begins anew starts from where the hand is, without the ramp of an opening
+        gate, and nobody has asked for its torque.
+        """
+        if self.permit.phase != CLOSED and activation != self._activation:
+            self.permit.fault.set(
+                "force command: the controller was activated anew while the torque was on"
+            )
+        self._activation = activation
 
     def _fits_the_gate(self) -> bool:
         """Latch a fault when the mode is another than that for which the gate was opened."""

@@ -45,19 +45,19 @@ class Wires(NamedTuple):
     """The connections to other processes.
 
     take_sample, take_force, take_command: wait until a time [ns] and return the newest message, or
-    None; a command is sequence, acquisition time [ns], force [N] and mode. publish_sample,
-    publish_force, publish_command: called with each reading and each command. read_inputs: passes
-    the controller its other inputs at a time [ns]: set point, drive, resets. permission: see
-    `drive`.
+    None; a command is sequence, acquisition time [ns], force [N], mode and activation.
+    publish_sample, publish_force, publish_command: called with each reading and each command.
+    read_inputs: passes the controller its other inputs at a time [ns]: set point, drive, resets.
+    permission: see `drive`.
     publish_controller_state, publish_drive_state: called with a time [ns]; they publish when due.
     """
 
     take_sample: Callable[[int], EncoderReading | None] = _unconnected
     take_force: Callable[[int], ForceReading | None] = _unconnected
-    take_command: Callable[[int], tuple[int, int, float, int] | None] = _unconnected
+    take_command: Callable[[int], tuple[int, int, float, int, int] | None] = _unconnected
     publish_sample: Callable[[EncoderReading], None] = _unconnected
     publish_force: Callable[[ForceReading], None] = _unconnected
-    publish_command: Callable[[EncoderReading, VerticalOutput, int], None] = _unconnected
+    publish_command: Callable[[EncoderReading, VerticalOutput, int, int], None] = _unconnected
     read_inputs: Callable[[int], None] = _unconnected
     permission: Permission = _unconnected
     publish_controller_state: Callable[[int], None] = _unconnected
@@ -216,12 +216,12 @@ class VerticalLoop:
         now_ns: int,
     ) -> None:  # fmt: skip
         """Send the force to the drive, in this process or another."""
-        behind, mode = controller.answered, controller.mode
+        behind, mode, activation = controller.answered, controller.mode, controller.activation
         assert behind is not None, "an output answers a sample"
         if drive:
-            drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns, mode)
+            drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns, mode, activation)
         else:
-            self._wires.publish_command(behind, output, mode)
+            self._wires.publish_command(behind, output, mode, activation)
 
     def _follow_commands(self, drive: VerticalDrive) -> None:
         """Until the next tick, execute the commands of another process."""
@@ -229,8 +229,8 @@ class VerticalLoop:
         while clock.now_ns() < due_ns:
             command, now_ns = self._wires.take_command(due_ns), clock.now_ns()
             if command is not None:
-                sequence, monotonic_ns, force, mode = command
-                drive.act(sequence, monotonic_ns, force, now_ns, mode)
+                sequence, monotonic_ns, force, mode, activation = command
+                drive.act(sequence, monotonic_ns, force, now_ns, mode, activation)
             elif now_ns < due_ns:
                 clock.sleep_until(min(due_ns, now_ns + round(BACK_OFF_S * 1e9)))
 
@@ -249,7 +249,9 @@ class VerticalLoop:
         if force is not None:
             wires.publish_force(force)
         if output is not None and parts.drive and controller and controller.answered:
-            wires.publish_command(controller.answered, output, controller.mode)
+            wires.publish_command(
+                controller.answered, output, controller.mode, controller.activation
+            )
 
     def _update_controller(
         self, controller: VerticalController, drive: VerticalDrive | None, now_ns: int

@@ -101,6 +101,7 @@ class ImpedanceControllerNode(Node):
         self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._limits: GainLimits | None = None
+        self._activations = 0
         self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
         self.periodic.every(self.clock, _PUT_BACK_S, self._end_lease)
         impedance = partial(set_impedance, self.parameters, VerticalSettings)
@@ -189,6 +190,7 @@ class ImpedanceControllerNode(Node):
             self._period_ns,
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
+            self._next_activation(),
         )
         self._resets: int | None = None  # as the supervisor counts them
         self._state_message.success_rate = self.part.meter.success_rate
@@ -202,10 +204,19 @@ class ImpedanceControllerNode(Node):
         )
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
+    def _next_activation(self) -> int:
+        """Return a number that neither this node nor the one before it has had of late.
+
+        Its time tells it from another process's, its count from one at the same time.
+        """
+        self._activations += 1
+        return (self.clock.now_ns() // 1000 + self._activations) & 0xFFFFFFFF
+
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""
-        if hasattr(self, "part") and self.part.answered is not None:
-            self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
+        part = getattr(self, "part", None)
+        if part and part.answered is not None:
+            self.publish_command(part.answered, NO_FORCE, part.mode, part.activation)
         self._put_back()
 
     def disconnect(self) -> None:
@@ -275,9 +286,11 @@ class ImpedanceControllerNode(Node):
             self._force_inbox.wait(until_ns)
         return self._take_force()
 
-    def publish_command(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
+    def publish_command(
+        self, sample: EncoderReading, output: VerticalOutput, mode: int, activation: int
+    ) -> None:
         """Publish the answer to a sample."""
-        self._publish(pack_command(sample, output, mode))
+        self._publish(pack_command(sample, output, mode, activation))
 
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot and amplifier state, if they come by a topic."""

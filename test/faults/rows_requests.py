@@ -31,6 +31,8 @@ from screw_module_ros.control.modes import IMPEDANCE, MODE_NAMES
 GROUP = "intruders"
 _MISSED = LOST + 2 * 20 + 20 + DYING
 """Samples until the supervisor counts a deactivated node as lost."""
+_ANEW = 60
+"""Samples in which the controller is activated again and its first command is refused."""
 _SPECTATOR = "endpoint_state"
 _STUTTERS, _STUTTER_S = 5, 0.017
 _goes_on = partial(goes_on, group=GROUP, watch=0.3)
@@ -76,7 +78,22 @@ def _every_mode(robot) -> None:
         robot.set_mode(mode)
 
 
+def _activated_anew(**more) -> Row:
+    """Less than five periods pass in simulated time, so no command is too old."""
+    node = "impedance_controller"
+    return Row(
+        fault="impedance_controller deactivated and activated at once, in motion",
+        inject=both(_transition(node, Transition.TRANSITION_DEACTIVATE),
+                    _transition(node, Transition.TRANSITION_ACTIVATE)),
+        report=Report("amplifier", "activated anew|no fresh command", "amplifier"),
+        services=(CLEAR, *STOPPED), noticed_by="amplifier", within=_ANEW,
+        plane_within=_ANEW + VIA_SUPERVISOR, group=GROUP, watch=0.6, **more,
+    )  # fmt: skip
+
+
 ROWS = [
+    _activated_anew(name="controller-activated-anew"),
+    _activated_anew(name="controller-activated-anew-apart", apart=True),
     _goes_on("clear-fault-storm", fault="clear_fault while enabled, again and again",
              act=_storm(called(CLEAR), called(PLANE_CLEAR)),
              who="amplifier, manus: nothing changes"),

@@ -49,6 +49,30 @@ def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
     assert permit.reason == STARTING
 
 
+def test_torque_ends_with_the_controller_that_it_was_enabled_for(enabled):
+    """A node that is deactivated and activated within five periods never falls silent."""
+    assert enabled.torque_passes
+    enabled.controller.activation += 1
+    enabled.ticks(2)
+    assert not enabled.torque_passes
+    assert "activated anew while the torque was on" in enabled.axis.permit.reason
+    enabled.ticks(600)
+    assert not enabled.torque_passes and enabled.axis.permit.latched
+    assert enabled.clear_fault() == ""
+    assert enabled.enable() == ""
+    enabled.ticks(100)
+    assert enabled.torque_passes
+
+
+def test_a_controller_may_be_activated_anew_while_no_torque_passes(enabled):
+    assert enabled.disable() == ""
+    enabled.controller.activation += 1
+    enabled.ticks(5)
+    assert enabled.enable() == ""
+    enabled.ticks(5)
+    assert enabled.axis.permit.reason == ""
+
+
 class StoppedClock(ManualClock):
     """Simulated time that stands still, in the second wait or at once."""
 

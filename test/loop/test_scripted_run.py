@@ -147,9 +147,9 @@ class Apart:
         self._note(one)
         queue.append(one)
 
-    def _command(self, behind, output, mode) -> None:
+    def _command(self, behind, output, mode, activation) -> None:
         self._note(behind.sequence, output, mode)
-        self.commands.append((behind.sequence, behind.monotonic_ns, output.force, mode))
+        self.commands.append((behind.sequence, behind.monotonic_ns, output.force, mode, activation))
 
     def _inputs(self, now_ns: int) -> None:
         axis, controller = self.bench.axis, self.bench.controller

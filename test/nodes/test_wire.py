@@ -61,18 +61,19 @@ def test_force_samples(reading):
 
 @given(
     encoders, st.lists(number, min_size=6, max_size=6), st.sampled_from(list(ALL_NAMES)),
-    st.booleans(),
+    st.booleans(), u32,
 )  # fmt: skip
-def test_force_commands(sample, values, mode, saturated):
+def test_force_commands(sample, values, mode, saturated, activation):
     output = VerticalOutput(*values, saturated, 0.0, 0.0)
-    data = pack_command(sample, output, mode)
+    data = pack_command(sample, output, mode, activation)
     message = deserialize_message(data, ForceCommand)
     assert len(serialize_message(message)) == len(data)
-    told = output._asdict() | sample._asdict() | {"mode": mode}
+    told = output._asdict() | sample._asdict() | {"mode": mode, "activation": activation}
     told["feedback"] += told["carried"]
     found = fields(message)
     assert found == {name: told[name] for name in found}
-    assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force, mode)
+    wanted = Command(sample.sequence, sample.monotonic_ns, output.force, mode, activation)
+    assert COMMAND.unpack(data) == wanted
 
 
 @pytest.mark.parametrize("seconds", [2**31 - 1, 2**31, 2**33])
@@ -84,7 +85,7 @@ def test_a_system_clock_beyond_2038_ends_no_loop(seconds):
     packed = (
         (pack_encoder(sample), EncoderSample),
         (pack_force(force), ForceSample),
-        (pack_command(sample, NO_FORCE, 1), ForceCommand),
+        (pack_command(sample, NO_FORCE, 1, 5), ForceCommand),
     )
     for data, kind in packed:
         message = deserialize_message(data, kind)
@@ -97,7 +98,7 @@ def test_a_stamp_that_a_foreign_sender_makes_up_ends_no_loop():
     foreign = EncoderSample(sequence=1, monotonic_ns=2)
     foreign.stamp.sec, foreign.stamp.nanosec = 2**31 - 1, 2**32 - 1
     sample = ENCODER.unpack(serialize_message(foreign))
-    assert deserialize_message(pack_command(sample, NO_FORCE, 1), ForceCommand).sequence == 1
+    assert deserialize_message(pack_command(sample, NO_FORCE, 1, 5), ForceCommand).sequence == 1
 
 
 def garbled_count() -> int:

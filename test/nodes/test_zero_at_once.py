@@ -24,7 +24,7 @@ class Axis:
         node.begin()
         self.node = node
         self.told: list = []
-        node._publish = lambda data: self.told.append(COMMAND.unpack(data)[::2])
+        node._publish = lambda data: self.told.append(COMMAND.unpack(data)[:3:2])
         self.tick = 100
 
     @property
@@ -80,7 +80,7 @@ def act_and_publish(axis, sample):
     )
     drive = SimpleNamespace(
         begin=lambda tick: None,
-        act=lambda sequence, stamp, force, now, mode: given.append((sequence, force)),
+        act=lambda sequence, stamp, force, now, mode, _number: given.append((sequence, force)),
         end=lambda tick, permission: None,
         permit=SimpleNamespace(enabled=True),
         position=0.0,

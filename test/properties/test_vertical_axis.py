@@ -187,6 +187,7 @@ class DriveMachine(Machine):
     def enable(self):
         fault = self.drive.fault
         try:
+            self.drive.poll_slow()  # as its node does: nothing else brings the mode here
             self.drive.request_enable()
         except NotNow:
             return

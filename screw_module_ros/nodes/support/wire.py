@@ -25,18 +25,22 @@ _HEAD = b"\x00\x01\x00\x00"
 _HEAD_SIZE = len(_HEAD)
 _ENCODER = struct.Struct("<4siII4xqi4xdd?3xI")
 _FORCE = struct.Struct("<4siII4xqddddddH2x")
-_COMMAND = struct.Struct("<4siII4xqdB7xdddd?3x")
+_COMMAND = struct.Struct("<4siII4xqdB7xdddd?3xI")
 
 _Reading = TypeVar("_Reading", EncoderReading, ForceReading)
 
 
 class Command(NamedTuple):
-    """Fields of a ForceCommand for the amplifier: tick, acquisition time [ns], force [N], mode."""
+    """Fields of a ForceCommand for the amplifier.
+
+    Tick, acquisition time [ns], force [N], mode, number of the controller's activation.
+    """
 
     sequence: int
     monotonic_ns: int
     force: float
     mode: int
+    activation: int
 
 
 class Layout(NamedTuple):
@@ -62,12 +66,14 @@ def pack_force(reading: ForceReading) -> bytes:
     return _FORCE.pack(_HEAD, *_stamped(stamp_ns), sequence, monotonic_ns, *wrench, status)
 
 
-def pack_command(sample: EncoderReading, output: VerticalOutput, mode: int) -> bytes:
+def pack_command(
+    sample: EncoderReading, output: VerticalOutput, mode: int, activation: int
+) -> bytes:
     """Return the serialized ForceCommand for an encoder sample; feedback counts carried mass in."""
     return _COMMAND.pack(
         _HEAD, *_stamped(sample.stamp_ns), sample.sequence, sample.monotonic_ns, output.force, mode,
         output.impedance, output.gravity, output.friction, output.feedback + output.carried,
-        output.saturated,
+        output.saturated, activation,
     )  # fmt: skip
 
 
@@ -98,10 +104,10 @@ def _sample_layout(kind: type, fixed: struct.Struct, reading: type[_Reading]) ->
 
 def _unpack_command(data: bytes) -> Command:
     if len(data) == _COMMAND.size and data[:_HEAD_SIZE] == _HEAD:
-        _, _, _, sequence, monotonic_ns, force, mode, *_ = _COMMAND.unpack(data)
-        return Command(sequence, monotonic_ns, force, mode)
+        _, _, _, sequence, monotonic_ns, force, mode, *_, activation = _COMMAND.unpack(data)
+        return Command(sequence, monotonic_ns, force, mode, activation)
     m = deserialize_message(data, ForceCommand)
-    return Command(m.sequence, m.monotonic_ns, m.force, m.mode)
+    return Command(m.sequence, m.monotonic_ns, m.force, m.mode, m.activation)
 
 
 ENCODER = _sample_layout(EncoderSample, _ENCODER, EncoderReading)
