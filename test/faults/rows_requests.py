@@ -83,8 +83,8 @@ def _activated_anew(**more) -> Row:
     node = "impedance_controller"
     return Row(
         fault="impedance_controller deactivated and activated at once, in motion",
-        inject=both(_transition(node, Transition.TRANSITION_DEACTIVATE),
-                    _transition(node, Transition.TRANSITION_ACTIVATE)),
+        inject=both(transition(node, Transition.TRANSITION_DEACTIVATE),
+                    transition(node, Transition.TRANSITION_ACTIVATE)),
         report=Report("amplifier", "activated anew|no fresh command", "amplifier"),
         services=(CLEAR, *STOPPED), noticed_by="amplifier", within=_ANEW,
         plane_within=_ANEW + VIA_SUPERVISOR, group=GROUP, watch=0.6, **more,
