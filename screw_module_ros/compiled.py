@@ -65,8 +65,9 @@ def packed(record: Any) -> Any:
 
     A compiled function takes such an array in 0.2 us and a NamedTuple in 0.1 us per number. Its
     element has the record's attributes: `def twin(packed_p, x): return law(packed_p[0], x)`. Where
-    the function sets one, the array changes, as the dataclass does in plain Python. Numbers only; a
-    tuple or list of numbers becomes an array of floats.
+    the function sets one, the array changes, as the dataclass does in plain Python. A tuple or list
+    of numbers becomes an array of floats. A word, a setting among choices, keeps its first 16
+    characters; compiled functions cannot compute with it.
     """
     import numpy
 
@@ -88,6 +89,8 @@ def _dtype(value: Any) -> Any:
         return numpy.dtype(fields, align=True)
     if isinstance(value, (tuple, list)):
         return numpy.dtype((numpy.float64, (len(value),)))
+    if isinstance(value, str):
+        return numpy.dtype("U16")  # whatever the word, so that another one compiles nothing anew
     return numpy.dtype(type(value))
 
 

@@ -134,15 +134,21 @@ def test_force_and_torque_undo_each_other(value):
 
 
 def test_arm_along_the_axes():
-    assert geometry.forward(0.0, 0.0) == pytest.approx((0.4064 + 0.51435, -0.65))
-    assert geometry.forward(0.0, math.pi / 2) == pytest.approx((0.4064, 0.51435 - 0.65))
+    assert geometry.forward(0.0, 0.0) == pytest.approx((0.4064 + 0.51435, 0.60))
+    assert geometry.forward(0.0, -math.pi / 2) == pytest.approx((0.4064, 0.60 - 0.51435))
 
 
-@given(st.floats(-0.19, 0.19), st.floats(-0.228, 0.228))
-def test_inverse_reaches_the_whole_workspace(x, y):
-    shoulder, elbow = geometry.inverse(x, y)
-    assert geometry.forward(shoulder, elbow) == pytest.approx((x, y), abs=1e-9)
-    assert 0.0 < elbow - shoulder < math.pi
+@pytest.mark.parametrize("base_y", [0.60, -0.60])
+@pytest.mark.parametrize("side", ["right", "left"])
+@given(x=st.floats(-0.19, 0.19), y=st.floats(-0.228, 0.228))
+def test_inverse_reaches_the_whole_workspace_with_the_elbow_on_its_side(base_y, side, x, y):
+    arm = geometry.PlanarArm(base_y=base_y, elbow=side)
+    shoulder, elbow = geometry.inverse(x, y, arm)
+    assert geometry.forward(shoulder, elbow, arm) == pytest.approx((x, y), abs=1e-9)
+    assert 0.0 < abs(elbow - shoulder) < math.pi
+    at_x, at_y = (arm.upper_arm * wave(shoulder) for wave in (math.cos, math.sin))
+    line = x * at_y / (y - base_y)  # of the line from the base to the handle, beside the elbow
+    assert at_x > line if side == "right" else at_x < line
 
 
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
@@ -151,8 +157,8 @@ def test_inverse_out_of_reach_stays_finite(x, y):
 
 
 def test_inverse_out_of_reach_points_at_the_target():
-    shoulder, elbow = geometry.inverse(0.0, 5.0)
-    assert (shoulder, elbow) == pytest.approx((math.pi / 2, math.pi / 2))
+    shoulder, elbow = geometry.inverse(0.0, -5.0)
+    assert (shoulder, elbow) == pytest.approx((-math.pi / 2, -math.pi / 2))
 
 
 @given(angles, angles)

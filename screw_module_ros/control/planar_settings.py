@@ -20,8 +20,9 @@ DAMPING_RATIO = 0.25
 class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
 
-    The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more. The largest torques
-    are those of the force limit of 45 N at each link (D; 44.5 N in 2.1.1). arm: its links.
+    The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more, with the elbow on
+    its side. The largest torques are those of the force limit of 45 N at each link (D; 44.5 N in
+    2.1.1). arm: its links, base and elbow.
     """
 
     stiffness: Annotated[
@@ -88,16 +89,26 @@ class PlanarSettings(NamedTuple):
     box_stiffness: Annotated[
         float, Setting("spring of the soft stops at the edges", "N/m", 0.0, 1e4)
     ] = 1000.0  # ours
-    shoulder_low: Annotated[float, Setting("smallest shoulder angle", "rad", -3.2, 3.2)] = -0.3
-    shoulder_high: Annotated[float, Setting("largest shoulder angle", "rad", -3.2, 3.2)] = 1.75
-    elbow_low: Annotated[float, Setting("smallest elbow angle", "rad", -3.2, 6.4)] = 1.35
-    elbow_high: Annotated[float, Setting("largest elbow angle", "rad", -3.2, 6.4)] = 3.05
+    # 0.15 to 0.2 rad outside the workspace. The angles are continuous over it and may pass pi: with
+    # the elbow to the left the shoulder turns to -3.39 rad.
+    shoulder_low: Annotated[
+        float, Setting("smallest shoulder angle", "rad", -6.4, 6.4)
+    ] = -1.55  # ours
+    shoulder_high: Annotated[
+        float, Setting("largest shoulder angle", "rad", -6.4, 6.4)
+    ] = 0.45  # ours
+    elbow_low: Annotated[
+        float, Setting("smallest elbow angle", "rad", -6.4, 6.4)
+    ] = -3.1  # ours
+    elbow_high: Annotated[
+        float, Setting("largest elbow angle", "rad", -6.4, 6.4)
+    ] = -1.5  # ours
     between_low: Annotated[
-        float, Setting("smallest elbow minus shoulder angle", "rad", 0.0, 3.2)
-    ] = 0.3
+        float, Setting("smallest elbow minus shoulder angle", "rad", -3.2, 3.2)
+    ] = -2.5  # ours
     between_high: Annotated[
-        float, Setting("largest elbow minus shoulder angle", "rad", 0.0, 3.2)
-    ] = 2.4
+        float, Setting("largest elbow minus shoulder angle", "rad", -3.2, 3.2)
+    ] = -0.6  # ours
     joint_zone: Annotated[
         float, Setting("length of the soft stop inside each joint limit", "rad", 0.01, 0.5)
     ] = 0.1  # ours
@@ -145,6 +156,12 @@ class PlanarSettings(NamedTuple):
                     f"{getattr(self, low):g} rad by more than two soft stops of "
                     f"{getattr(self, zone):g} rad"
                 )
+        if self.between_low < 0.0 < self.between_high:
+            raise ValueError(
+                f"PlanarSettings: between_low = {self.between_low!r}, between_high = "
+                f"{self.between_high!r} rad: between them the arm stretches and its elbow changes "
+                "sides; both must have one sign"
+            )
         for half in ("half_width", "half_depth"):
             if getattr(self, half) <= self.box_zone:
                 raise ValueError(

@@ -22,6 +22,7 @@ paper's.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -31,6 +32,8 @@ from scipy import signal
 from scipy.optimize import brentq
 
 from ..geometry import MANUS, inverse, jacobian
+from ..plant.planar import JointInertia
+from ..plant.settings import load_world
 from ..settings import Setting
 from .figures import COLOURS, DESIRED, panels
 from .lab import Lab
@@ -66,22 +69,20 @@ _WHOLE = 40.0  # [Hz] thesis: d_belt_bandwidth
 a tenth of the belt's damping, bandwidth of the whole drive [Hz]."""
 
 
-class JointInertia(NamedTuple):
-    """M(q) = [[shoulder, coupling cos D], [coupling cos D, elbow]] [kg m^2].
+ARM = MANUS
 
-    D is the angle between the links, elbow - shoulder.
+
+@cache
+def joint_inertia() -> JointInertia:
+    """Return the set `appendix_d` of `params/plant.yaml`, whatever set the simulated rig has.
+
+    Derived from appendix D, not measured: the paper prints no inertias. With `ARM` it reproduces
+    all the printed figures: anisotropy 1.23 to 1.53, at most 4/3 kg without the module, 4 kg with a
+    module of 2.7 kg. Raises SettingError where the file cannot be read.
     """
-
-    shoulder: float
-    elbow: float
-    coupling: float
+    return load_world().planar.appendix_d
 
 
-JOINTS = JointInertia(0.173, 0.226, 0.171)
-ARM = MANUS._replace(base_y=-0.60)
-"""Derived from appendix D, not measured: the paper prints no inertias. With its links and the base
-0.60 m behind the workspace's centre these inertias reproduce all its printed figures: anisotropy
-1.23 to 1.53, at most 4/3 kg without the module, 4 kg with a module of 2.7 kg."""
 FLANK_ANGLE = math.atan((GROOVE_AT_OUTER - GROOVE_AT_INNER) / (OUTER_DIAMETER - INNER_DIAMETER))
 """Slope of the groove's flanks [rad], from its widths at the two diameters (thesis 3.1.1)."""
 
@@ -273,7 +274,8 @@ def _notes(settings: Settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
         f"A module of {settings.module_mass:g} kg reduces the anisotropy to a range of "
         f"{laden.min():.2f} to {laden.max():.2f}. The major axis exceeds the allowed "
         f"{settings.heaviest:g} kg on {np.mean(major > settings.heaviest):.0%} of the workspace; "
-        f"its least value is {major.min():.2f} kg. In the far corners the arm is nearly stretched.",
+        f"its least value is {major.min():.2f} kg. In the corners "
+        "near the patient the arm is nearly stretched.",
         "Belt drive: the paper prints no parameters. All are chosen to reproduce the printed 3 Hz, "
         "10.6 Hz, 0.446 and 40 Hz (see back_drive.py). The only results are the bandwidth with "
         "belt damping and the absence of a resonance in the last two cases. The paper does not "
@@ -292,8 +294,9 @@ def tensor(x: float, y: float) -> np.ndarray:
         raise ValueError(f"x = {x:g}, y = {y:g} m is out of reach of the planar arm")
     shoulder, elbow = inverse(x, y, ARM)
     back = np.linalg.inv(np.reshape(jacobian(shoulder, elbow, ARM), (2, 2)))
-    across = JOINTS.coupling * math.cos(elbow - shoulder)
-    return back.T @ np.array([[JOINTS.shoulder, across], [across, JOINTS.elbow]]) @ back
+    joints = joint_inertia()
+    across = joints.coupling * math.cos(elbow - shoulder)
+    return back.T @ np.array([[joints.shoulder, across], [across, joints.elbow]]) @ back
 
 
 def grid(half_width: float, half_depth: float, count: int) -> np.ndarray:
@@ -316,7 +319,7 @@ def least_anisotropy() -> float:
     reach = np.sqrt(
         ARM.upper_arm**2 + ARM.forearm**2 + 2.0 * ARM.upper_arm * ARM.forearm * np.cos(angles)
     )
-    inertia = np.array([tensor(ARM.base_x, ARM.base_y + far) for far in reach])
+    inertia = np.array([tensor(ARM.base_x, ARM.base_y - far) for far in reach])
     return float(anisotropy(inertia).min())
 
 

@@ -17,8 +17,14 @@ from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings, adapted
-from screw_module_ros.geometry import PlanarArm, reaches
-from screw_module_ros.loop.plane import JointSettings, Plane, PlaneLimits, PlaneWires
+from screw_module_ros.geometry import PlanarArm, inverse, reaches
+from screw_module_ros.loop.plane import (
+    JointSettings,
+    Plane,
+    PlaneLimits,
+    PlaneWires,
+    clear_of_stops,
+)
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.profiles import DRIVE, GENERIC_402, load
 from screw_module_ros.safety.checks import FreezeSettings
@@ -82,6 +88,14 @@ class ManusNode(DriveNode):
                 f"joints.home_x, joints.home_y = {place.home_x:g}, {place.home_y:g} m: the arm "
                 "does not reach there; its own are arm.upper_arm, arm.forearm, arm.base_x, "
                 "arm.base_y"
+            )
+        pose = inverse(place.home_x, place.home_y, law.arm)
+        if not clear_of_stops(law, *pose):
+            raise SettingError(
+                f"joints.home_x, joints.home_y = {place.home_x:g}, {place.home_y:g} m: there, with "
+                f"arm.elbow = {law.arm.elbow}, shoulder and elbow stand at {pose[0]:.2f} and "
+                f"{pose[1]:.2f} rad, beyond shoulder_*, elbow_* or between_*: base, side of the "
+                "elbow and joint limits must fit together"
             )
         make = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [

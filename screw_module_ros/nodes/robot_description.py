@@ -28,7 +28,10 @@ def robot_description(arm: PlanarArm = MANUS) -> str:
     """
     plane, vertical = PlanarSettings(), VerticalSettings()
     lengths = {
-        **arm._asdict(),
+        "upper_arm": arm.upper_arm,
+        "forearm": arm.forearm,
+        "base_x": arm.base_x,
+        "base_y": arm.base_y,
         "shoulder_low": plane.shoulder_low,
         "shoulder_high": plane.shoulder_high,
         "between_low": plane.between_low,

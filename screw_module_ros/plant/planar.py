@@ -3,7 +3,8 @@
 
 Both joint angles are absolute (the motors stand at the base; frame `manus_base`, counter-clockwise
 from +x), so with D = elbow - shoulder the arm's inertia is [[a, c cos D], [c cos D, b]] and a mass
-m at the tip adds m J^T J, of the same form. Motor torques, a little joint friction, stops and the
+m at the tip adds m J^T J, of the same form. The base stands beyond the workspace, opposite the
+patient (thesis 1.1). Motor torques, a little joint friction, stops and the
 patient's hand act on it; one substep solves both joint velocities implicitly (backward Euler).
 """
 
@@ -16,17 +17,31 @@ from ..settings import Setting
 from .friction import bristle_terms, settled_bristle
 from .patient import ArmForce, spring_terms
 
+INERTIAS = ("appendix_d", "inmotion2")
+"""Named sets of joint inertias: a robot is one or the other."""
+
+
+class JointInertia(NamedTuple):
+    """M(q) = [[shoulder, coupling cos D], [coupling cos D, elbow]], without the module."""
+
+    shoulder: Annotated[float, Setting("M11", "kg m^2", 0.01, 10.0)]
+    elbow: Annotated[float, Setting("M22", "kg m^2", 0.01, 10.0)]
+    coupling: Annotated[float, Setting("M12 / cos D", "kg m^2", 0.0, 10.0)]
+
 
 class Planar(NamedTuple):
-    """The planar arm. The inertias are those without the module."""
+    """The planar arm. inertia: which of the sets `appendix_d` and `inmotion2` it has."""
 
     upper_arm: Annotated[float, Setting("length", "m", 0.05, 2.0)]
     forearm: Annotated[float, Setting("length", "m", 0.05, 2.0)]
     base_x: Annotated[float, Setting("base from the workspace centre", "m", -2.0, 2.0)]
     base_y: Annotated[float, Setting("base from the workspace centre", "m", -2.0, 2.0)]
-    inertia_shoulder: Annotated[float, Setting("M11", "kg m^2", 0.01, 10.0)]
-    inertia_elbow: Annotated[float, Setting("M22", "kg m^2", 0.01, 10.0)]
-    coupling: Annotated[float, Setting("M12 / cos D", "kg m^2", 0.0, 10.0)]
+    elbow: Annotated[
+        str, Setting("side of the elbow, seen by the patient", choices=("right", "left"))
+    ]
+    inertia: Annotated[str, Setting("the set of joint inertias", choices=INERTIAS)]
+    appendix_d: JointInertia
+    inmotion2: JointInertia
     module_mass: Annotated[float, Setting("vertical module at the tip", "kg", 0.0, 50.0)]
     friction: Annotated[float, Setting("of each joint", "Nm", 0.001, 10.0)]
     viscous: Annotated[float, Setting("of each joint", "Nm s/rad", 0.0, 10.0)]
@@ -37,16 +52,32 @@ class Planar(NamedTuple):
     brake_damping: Annotated[float, Setting("shorted motor", "Nm s/rad", 0.0, 100.0)]
     shoulder_low: Annotated[float, Setting("stop", "rad", -7.0, 7.0)]
     shoulder_high: Annotated[float, Setting("stop", "rad", -7.0, 7.0)]
-    between_low: Annotated[float, Setting("stop of elbow - shoulder", "rad", 0.0, 3.14)]
-    between_high: Annotated[float, Setting("stop of elbow - shoulder", "rad", 0.0, 3.14)]
+    between_low: Annotated[float, Setting("stop of elbow - shoulder", "rad", -3.14, 3.14)]
+    between_high: Annotated[float, Setting("stop of elbow - shoulder", "rad", -3.14, 3.14)]
     stop_stiffness: Annotated[float, Setting("stops", "Nm/rad", 1.0, 1e6)]
     stop_damping: Annotated[float, Setting("stops", "Nm s/rad", 0.0, 1e4)]
+
+    @property
+    def joint_inertia(self) -> JointInertia:
+        """The set that this robot has."""
+        return getattr(self, self.inertia)
+
+    @property
+    def turn(self) -> float:
+        """Sign of elbow - shoulder with the elbow on its side.
+
+        The elbow is to the right of the line from the base to the centre where the forearm turns
+        on clockwise from a base beyond the workspace, or counter-clockwise from one before it.
+        """
+        to_the_right = -1.0 if self.base_y > 0.0 else 1.0
+        return to_the_right if self.elbow == "right" else -to_the_right
 
 
 class PlanarParams(NamedTuple):
     """Everything `planar_step` needs; keep: decay of the torque loop over dt [s]."""
 
     robot: Planar
+    inertia: JointInertia
     arm: ArmForce
     keep: float
     dt: float
@@ -91,11 +122,12 @@ class ManusState(NamedTuple):
 
 def planar_params(robot: Planar, arm: ArmForce, dt: float) -> PlanarParams:
     """Return the parameters of `planar_step` for substeps of dt [s]."""
-    return PlanarParams(robot, arm, math.exp(-2.0 * math.pi * robot.bandwidth * dt), dt)
+    keep = math.exp(-2.0 * math.pi * robot.bandwidth * dt)
+    return PlanarParams(robot, robot.joint_inertia, arm, keep, dt)
 
 
 def resting_plane(robot: Planar, x: float, y: float) -> ManusState:
-    """Return the arm at rest with the handle at x, y [m], elbow to the right.
+    """Return the arm at rest with the handle at x, y [m], the elbow on its side.
 
     Raises ValueError when the point is out of reach.
     """
@@ -104,7 +136,7 @@ def resting_plane(robot: Planar, x: float, y: float) -> ManusState:
     cosine = (dx * dx + dy * dy - l1 * l1 - l2 * l2) / (2.0 * l1 * l2)
     if abs(cosine) > 1.0:
         raise ValueError(f"x = {x:g}, y = {y:g} m is out of reach of the planar arm")
-    between = math.acos(cosine)
+    between = robot.turn * math.acos(cosine)
     shoulder = math.atan2(dy, dx) - math.atan2(l2 * math.sin(between), l1 + l2 * cosine)
     zeros = ManusState(*(0.0,) * len(ManusState._fields))
     return zeros._replace(shoulder=shoulder, elbow=shoulder + between)
@@ -161,9 +193,9 @@ def planar_step(p: PlanarParams, s: ManusState, u: ManusInput) -> ManusState:
     torque_2 = _motor(p, s.elbow_torque, u.elbow_torque, u.elbow_powered)
 
     mass = r.module_mass + hand.mass
-    m11 = r.inertia_shoulder + mass * r.upper_arm * r.upper_arm
-    m22 = r.inertia_elbow + mass * r.forearm * r.forearm
-    coupled = r.coupling + mass * r.upper_arm * r.forearm
+    m11 = p.inertia.shoulder + mass * r.upper_arm * r.upper_arm
+    m22 = p.inertia.elbow + mass * r.forearm * r.forearm
+    coupled = p.inertia.coupling + mass * r.upper_arm * r.forearm
     m12 = coupled * (cos_1 * cos_2 + sin_1 * sin_2)
     turning = coupled * (sin_2 * cos_1 - cos_2 * sin_1)  # centrifugal torques, from sin D
 

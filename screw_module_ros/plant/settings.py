@@ -61,11 +61,27 @@ class WorldSettings(NamedTuple):
         for low, high in (("shoulder_low", "shoulder_high"), ("between_low", "between_high")):
             if getattr(planar, low) >= getattr(planar, high):
                 return f"planar.{low} must lie below planar.{high}"
+        if planar.between_low < 0.0 < planar.between_high:
+            return (
+                f"planar.between_low = {planar.between_low:g}, planar.between_high = "
+                f"{planar.between_high:g} rad: between them the arm stretches and its elbow "
+                "changes sides; both must have one sign"
+            )
         try:
-            resting_plane(planar, start.x, start.y)
+            resting = resting_plane(planar, start.x, start.y)
             amplifier_step_settings(self.amplifier, self.substep)
         except ValueError as error:
             return str(error)
+        between = resting.elbow - resting.shoulder
+        if not (
+            planar.shoulder_low < resting.shoulder < planar.shoulder_high
+            and planar.between_low < between < planar.between_high
+        ):
+            return (
+                f"start.x = {start.x:g}, start.y = {start.y:g} m: there, with planar.elbow = "
+                f"{planar.elbow}, the shoulder stands at {resting.shoulder:.2f} rad and the elbow "
+                f"{between:.2f} rad from it, beyond the stops planar.shoulder_*, planar.between_*"
+            )
         return ""
 
 

@@ -64,8 +64,8 @@ VERTICAL = {
     5: "038c81e99176cdad",
 }
 PLANE = {
-    0.0: "512088e96ebce577",
-    9.0: "85f67ccc4efcd95f",
+    0.0: "c922181172027b9d",
+    9.0: "de7b38ec48cb658d",
 }
 ODD = (math.nan, math.inf, -math.inf, 1e300)
 

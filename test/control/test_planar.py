@@ -87,9 +87,9 @@ def test_stretched_folded_and_turned_away_the_law_stays_finite_and_pushes_back(s
     st.floats(0.12, 0.92), st.floats(-1.5, 1.5), st.floats(-0.2, 0.2), st.floats(-0.25, 0.25)
 )
 def test_no_stop_presses_harder_on_the_hand_than_the_limit(reach, way, aim_x, aim_y):
-    """Also a joint's stop near a stretched arm, 1 cm behind the far corners of the workspace."""
-    inp = plane_at(reach * math.sin(way), reach * math.cos(way) - 0.65, (aim_x, aim_y, 0.0, 0.0))
-    assume(0.02 < inp.elbow - inp.shoulder < math.pi - 0.02)
+    """Also a joint's stop near a stretched arm, 1 cm behind the corners near the patient."""
+    inp = plane_at(reach * math.sin(way), 0.60 - reach * math.cos(way), (aim_x, aim_y, 0.0, 0.0))
+    assume(0.02 < inp.shoulder - inp.elbow < math.pi - 0.02)
     state = initial_state(SETTINGS)
     state.weight = 1.0
     output = planar_outputs([inp] * 60, SETTINGS, state)[-1]
@@ -113,11 +113,11 @@ def test_on_the_way_from_one_force_to_another_the_limit_holds_too(x, y, way, pul
 
 
 def test_the_joints_stops_still_push_a_stretched_arm_back():
-    inp = plane_at(0.19, 0.24)
+    inp = plane_at(0.19, -0.30)
     output = settled(inp)
     fx, fy = handle_force(output, inp)
     assert math.hypot(fx, fy) == pytest.approx(SETTINGS.force_limit)
-    assert fx < 0.0 and fy < 0.0
+    assert fx < 0.0 < fy
     assert output.saturated
 
 
@@ -151,7 +151,9 @@ def test_workspace_lies_within_the_joint_limits(ix):
     [
         ({"stiffness": math.nan}, "stiffness"),
         ({"force_limit": -1.0}, "force_limit"),
-        ({"elbow_high": 1.4}, "elbow_high"),
+        ({"elbow_high": -3.0}, "elbow_high"),
+        ({"between_high": 0.1}, "between_high"),
+        ({"elbow_low": 1.35}, "elbow_low"),
         ({"half_width": 0.02, "box_zone": 0.02}, "half_width"),
     ],
 )
@@ -162,9 +164,9 @@ def test_settings_out_of_range_are_refused_by_name(change, named):
 
 def test_the_links_are_those_of_the_settings():
     """Another arm: the same force at the hand needs the torques of its own Jacobian."""
-    arm = PlanarArm(upper_arm=0.3, forearm=0.35, base_y=-0.45)
-    law = SETTINGS._replace(arm=arm, shoulder_low=-3.0, shoulder_high=3.0, elbow_low=-3.0,
-                            elbow_high=6.0, between_high=3.0)  # fmt: skip
+    arm = PlanarArm(upper_arm=0.3, forearm=0.35, base_y=0.45)
+    law = SETTINGS._replace(arm=arm, shoulder_low=-3.0, shoulder_high=3.0, elbow_low=-6.0,
+                            elbow_high=3.0, between_low=-3.0)  # fmt: skip
     angles = inverse(0.05, -0.02, arm)
     output = settled(PlanarInput(*angles, 0.0, 0.0, 0.1, -0.02, 0.0, 0.0, True), 2000, law)
     assert (output.x, output.y) == pytest.approx((0.05, -0.02))
@@ -176,7 +178,8 @@ def test_the_links_are_those_of_the_settings():
 
 def test_what_an_arm_reaches():
     assert reaches(0.0, 0.0)
-    assert not reaches(0.0, 0.3)
+    assert reaches(0.0, 0.3)
+    assert not reaches(0.0, -0.33), "stretched towards the patient"
     assert not reaches(0.0, 0.0, PlanarArm(upper_arm=0.2, forearm=0.2))
 
 

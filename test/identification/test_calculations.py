@@ -14,12 +14,12 @@ from screw_module_ros.identification import back_drive, component_masses
 from screw_module_ros.identification import compliant_mounting as mounting
 from screw_module_ros.identification.back_drive import (
     ARM,
-    JOINTS,
     LEVEL,
     Belt,
     Wedge,
     bandwidth,
     gain,
+    joint_inertia,
     least_anisotropy,
     mode,
     tensor,
@@ -150,16 +150,17 @@ def test_the_gain_is_that_of_the_equations_of_motion_and_ends_at_the_level(belt)
 
 
 def test_links_at_a_right_angle_feel_like_two_masses():
-    found = tensor(*forward(0.0, math.pi / 2, ARM))
-    expected = (JOINTS.elbow / ARM.forearm**2, JOINTS.shoulder / ARM.upper_arm**2)
+    found, joints = tensor(*forward(0.0, -math.pi / 2, ARM)), joint_inertia()
+    expected = (joints.elbow / ARM.forearm**2, joints.shoulder / ARM.upper_arm**2)
     assert found == pytest.approx(np.diag(expected), abs=1e-9)
 
 
 def test_kinetic_energy_is_the_same_in_joints_and_at_the_tip():
     shoulder, elbow = inverse(0.11, -0.07, ARM)
     rates = np.array([0.7, -1.3])
-    across = JOINTS.coupling * math.cos(elbow - shoulder)
-    joints = rates @ np.array([[JOINTS.shoulder, across], [across, JOINTS.elbow]]) @ rates
+    of = joint_inertia()
+    across = of.coupling * math.cos(elbow - shoulder)
+    joints = rates @ np.array([[of.shoulder, across], [across, of.elbow]]) @ rates
     velocity = np.reshape(jacobian(shoulder, elbow, ARM), (2, 2)) @ rates
     assert velocity @ tensor(0.11, -0.07) @ velocity == pytest.approx(joints)
 

@@ -156,8 +156,9 @@ def test_without_feedback_the_hand_moves_arm_and_module(measured, module):
     # A chain of the same reach with its base at the origin: the axes are those of any direction.
     jacobian = np.array([[0.0, -p.forearm * math.sin(between)],
                          [p.upper_arm, p.forearm * cosine]])  # fmt: skip
-    across = p.coupling * cosine
-    joints = np.array([[p.inertia_shoulder, across], [across, p.inertia_elbow]])
+    of = p.joint_inertia
+    across = of.coupling * cosine
+    joints = np.array([[of.shoulder, across], [across, of.elbow]])
     back = np.linalg.inv(jacobian)
     least, most = np.linalg.eigvalsh(back.T @ joints @ back) + p.module_mass
     assert 0.94 * most < measured.value("inertia_most_none") < most

@@ -29,6 +29,8 @@ def test_rigs_are_drawn_within_their_ranges_and_are_the_same_for_a_seed():
     planes = [study.drawn_plane("B", seed) for seed in range(15)]
     assert planes[3] == study.drawn_plane("B", 3)
     assert {rig.loop.rate for rig in planes} == {250.0, 500.0}
+    inertias = [rig.world.planar.inertia for rig in planes]
+    assert 4 <= inertias.count("inmotion2") <= 11 and set(inertias) == {"appendix_d", "inmotion2"}
     assert all(1e-3 <= rig.loop.force_age <= 3e-3 for rig in planes)
 
 

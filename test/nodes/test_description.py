@@ -37,7 +37,7 @@ def _topics() -> dict[str, tuple]:
 
 
 TOPICS = _topics()
-OTHER = PlanarArm(upper_arm=0.3, forearm=0.45, base_x=0.02, base_y=-0.5)
+OTHER = PlanarArm(upper_arm=0.3, forearm=0.45, base_x=0.02, base_y=0.5, elbow="left")
 angles = st.floats(-math.pi, math.pi)
 
 

@@ -23,6 +23,7 @@ from screw_module_ros.nodes.support import drives, topics
 from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.nodes.support.topics import too_many_senders
 from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
+from screw_module_ros.settings import SettingError
 
 LONGEST_S = 20.0
 MS = 1_000_000
@@ -169,6 +170,16 @@ def refused(field: str, safety: SafetyState) -> str:
 def test_a_refused_permission_has_its_reason(field, safety, told):
     said = refused(field, safety)
     assert said.startswith(told) and bool(said) == bool(told)
+
+
+@pytest.mark.parametrize(
+    "wrong", [("arm.elbow", "left"), ("arm.base_y", "-0.60"), ("between_high", "-1.9")]
+)
+def test_an_arm_that_its_joint_limits_do_not_fit_is_refused(make_node, wrong):
+    """Base, side of the elbow and limits come in one file, and may come from two robots."""
+    node = make_node("manus", "-p", ":=".join(wrong))
+    with pytest.raises(SettingError, match="there, with arm.elbow = .* must fit together"):
+        node.connect()
 
 
 class Command(NamedTuple):

@@ -278,4 +278,4 @@ def test_state_stays_finite_and_in_its_room(settings, steps):
         assert -0.05 < truth.handle_position < 0.41
         assert abs(truth.handle_position - truth.nut_position) < 1e-3
         assert abs(truth.nut_velocity) < 50.0
-        assert math.hypot(truth.planar_position[0], truth.planar_position[1] + 0.65) < 0.93
+        assert math.hypot(truth.planar_position[0], truth.planar_position[1] - 0.60) < 0.93
