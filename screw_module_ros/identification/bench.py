@@ -137,10 +137,24 @@ class InProcessBench:
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
-        length = duration_of(trial) + (_BRAKING_S if isinstance(trial, StageTrial) else 0.0)
-        rows, state = self._moved(length, hand, params, state, on_progress)
+        if isinstance(trial, StageTrial):
+            rows, state = self._driven(trial, params, state, on_progress)
+        else:
+            rows, state = self._moved(duration_of(trial), hand, params, state, on_progress)
         force, torque, _ = self._zero(params, state)
         return samples_of(rows, params, force, torque)
+
+    def _driven(
+        self, trial: StageTrial, params: LoopParams, state: LoopState, on_progress: OnProgress
+    ) -> tuple[np.ndarray, LoopState]:
+        """Return the samples of each of the stage's ways, with its braking."""
+        ways = []
+        for _, end in trial.ways:
+            seconds = duration_of(trial) / len(trial.ways) + _BRAKING_S
+            there = params._replace(stage_target=float(end))
+            rows, state = self._ticks(there, state, seconds, on_progress)
+            ways.append(rows)
+        return np.concatenate(ways), state
 
     def _moved(
         self, length: float, hand: HandTrial | None, params: LoopParams, state: LoopState,

@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from .results import Experiment, Result, load_result
-from .trials import AnyTrial, Bench, Samples, duration_of, require
+from .trials import RELEASE, AnyTrial, Bench, Samples, duration_of, require
+from .uncertainty import Source
 
 Part = dict[str, np.ndarray]
 """The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
@@ -64,6 +65,13 @@ class Lab:
     def rate(self) -> float:
         """Samples per second of the bench [1/s]."""
         return self.bench.rate
+
+    def real(self, *sources: Source) -> tuple[Source, ...]:
+        """Return sources of uncertainty that only a real module has, none for a simulated one.
+
+        An interval that carried them in simulation could not be judged there: it would always hold.
+        """
+        return () if RELEASE in self.bench.offers else sources
 
     def record(
         self, experiment: str, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial]

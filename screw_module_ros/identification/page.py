@@ -23,6 +23,9 @@ from .report import (
     COMPARED_HEAD,
     DIFFERS,
     GROUPS,
+    NOT_RECOVERED,
+    RECOVERED,
+    WRONGLY_STATED,
     Module,
     Report,
     checked_rows,
@@ -54,7 +57,8 @@ blockquote { margin: 0.5rem 0; padding: 0 1rem; border-left: 3px solid #0072b2; 
 pre { background: #f6f6f6; padding: 0.6rem; overflow-x: auto; font-size: 12px; }
 """
 _ROW_KINDS = {
-    AGREES: "good", "recovered": "good", MET: "good", DIFFERS: "bad", "MISSED": "bad", MISSED: "bad"
+    AGREES: "good", RECOVERED: "good", MET: "good",
+    DIFFERS: "bad", NOT_RECOVERED: "bad", WRONGLY_STATED: "bad", MISSED: "bad",
 }  # fmt: skip
 Figures = dict[str, dict[str, str]]
 """Title -> file beside the page, of each experiment and, as `seed_N`, of each perturbed module."""

@@ -28,6 +28,9 @@ PREDICTION, INPUT, CHOSEN, CALCULATION = "prediction", "input", "chosen", "calcu
 AGREES, COMPATIBLE, DIFFERS = "agrees", "compatible", "differs"
 LOOSE = 0.3
 """With a tolerance above this share of the figure, a match counts as compatible only."""
+FARTHEST = 3.0
+"""Stated standard deviations between an identified and a hidden value: beyond, the statement is
+wrong. One honest value of 370 lies farther away by chance."""
 
 
 class Outcome(NamedTuple):
@@ -61,8 +64,9 @@ class Module(NamedTuple):
 class Criterion(NamedTuple):
     """One criterion of the identification of a simulated module.
 
-    truth: the module's hidden value, None for a share or a correlation that must reach `limit`;
-    limit: largest difference from the truth, in the unit, or as a share of the truth (relative).
+    truth: the module's hidden value, None for a mark: a share or a correlation that must reach
+    `limit`, or with `most` an error that may reach it; limit: largest difference from the truth, in
+    the unit, or as a share of the truth (relative).
     """
 
     experiment: str
@@ -70,10 +74,11 @@ class Criterion(NamedTuple):
     truth: Callable[[Module], float] | None
     limit: float
     relative: bool = False
+    most: bool = False
 
 
 WANTED = (
-    Criterion("static_torque", "largest_at_handle", lambda m: 0.0, 1.5),
+    Criterion("static_torque", "largest_at_handle", None, 1.5, most=True),
     Criterion("static_torque", "correlation", None, 0.9999),
     Criterion(
         "static_torque", "torque_constant", lambda m: m.world.amplifier.torque_constant, 0.01, True
@@ -88,6 +93,8 @@ WANTED = (
         "gravity", "gravity",
         lambda m: m.world.vertical.moving_mass * m.world.vertical.gravity, 0.3,
     ),
+    Criterion("gravity", "guide", lambda m: m.world.vertical.rail_friction, 0.05),
+    Criterion("gravity", "film", lambda m: m.world.vertical.film_damping, 0.10, True),
     Criterion("gravity", "play", lambda m: m.world.vertical.play, 2e-5),
     Criterion("friction_model", "within", None, 0.9),
     Criterion(
@@ -136,14 +143,35 @@ class Checked(NamedTuple):
     @property
     def met(self) -> bool:
         """Whether the criterion is met."""
+        if self.wanted.most:
+            return self.ours.value <= self.wanted.limit
         if self.wanted.truth is None:
             return self.ours.value >= self.wanted.limit
         scale = abs(self.truth) if self.wanted.relative else 1.0
         return abs(self.ours.value - self.truth) <= self.wanted.limit * scale
 
     @property
+    def sigmas(self) -> float:
+        """Distance from the truth in stated standard deviations, with its sign.
+
+        NaN for a mark, infinite where no uncertainty is stated.
+        """
+        if self.wanted.truth is None:
+            return math.nan
+        stated = self.ours.uncertainty
+        off = self.ours.value - self.truth
+        return off / stated if stated > 0.0 else math.copysign(math.inf, off)
+
+    @property
+    def honest(self) -> bool:
+        """Whether the truth is within `FARTHEST` stated standard deviations; so is a mark."""
+        return not abs(self.sigmas) > FARTHEST
+
+    @property
     def limit_text(self) -> str:
         """The criterion as text for a table."""
+        if self.wanted.most:
+            return f"at most {like(self.ours, self.wanted.limit)}"
         if self.wanted.truth is None:
             return f"at least {self.wanted.limit:g}"
         if self.wanted.relative:
@@ -161,7 +189,10 @@ class Miss(NamedTuple):
 COMPARED_HEAD = (
     "experiment", "quantity", "figure", "thesis", "tolerance", "ours", "difference", "verdict",
 )  # fmt: skip
-CHECKED_HEAD = ("module", "experiment", "quantity", "truth", "identified", "wanted", "verdict")
+CHECKED_HEAD = (
+    "module", "experiment", "quantity", "truth", "identified", "off, in sigma", "wanted", "verdict",
+)  # fmt: skip
+RECOVERED, NOT_RECOVERED, WRONGLY_STATED = "recovered", "MISSED", "BEYOND 3 SIGMA"
 CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with feedback")
 GROUPS = {
     PREDICTION: "Predictions beside the thesis",
@@ -191,11 +222,11 @@ class Report(NamedTuple):
     def checked(self) -> list[Checked]:
         """The criteria of the experiments done on the modules."""
         return [
-            Checked(module, wanted, result.quantity(wanted.quantity),
-                    wanted.truth(module) if wanted.truth else math.nan)
+            Checked(module, wanted, quantity, wanted.truth(module) if wanted.truth else math.nan)
             for module in self.modules
             for wanted in WANTED
             if (result := module.result(wanted.experiment))
+            for quantity in result.quantities if quantity.name == wanted.quantity
         ]  # fmt: skip
 
     @property
@@ -217,6 +248,11 @@ class Report(NamedTuple):
                 truth = "" if math.isnan(row.truth) else f", truth {like(row.ours, row.truth)}"
                 yield Miss(f"{row.module.name} module, {row.wanted.experiment}, {row.ours.text}: "
                            f"{value_text(row.ours)}{truth}, wanted {row.limit_text}",
+                           True)  # fmt: skip
+            elif not row.honest:
+                yield Miss(f"{row.module.name} module, {row.wanted.experiment}, {row.ours.text}: "
+                           f"{value_text(row.ours)} is stated, {like(row.ours, row.truth)} hidden, "
+                           f"{abs(row.sigmas):.1f} sigma apart: the uncertainty lacks a source",
                            True)  # fmt: skip
         order = list(GROUPS)
         for one in sorted(self.compared, key=lambda one: order.index(one.group)):
@@ -283,8 +319,9 @@ def checked_rows(rows: Iterable[Checked], brief: bool = False) -> list[tuple[str
             _label(row.ours, brief),
             "" if math.isnan(row.truth) else like(row.ours, row.truth),
             value_text(row.ours),
+            "" if math.isnan(row.sigmas) else f"{row.sigmas:+.1f}",
             row.limit_text,
-            "recovered" if row.met else "MISSED",
+            (RECOVERED if row.honest else WRONGLY_STATED) if row.met else NOT_RECOVERED,
         )
         for row in rows
     ]

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from ..settings import SettingError, plain, read
 from ..settings_file import parse
 from ..thesis import fact, figure, unit_of
+from .uncertainty import PER_INTERVAL, Source, stated
 
 MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
 """Kinds of a quantity: found from the samples of trials; calculated without one; a printed value
@@ -64,7 +65,7 @@ class Quantity(NamedTuple):
     """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
 
     unit: SI symbol, empty for a pure number; text: description for a table; kind: MEASURED, DERIVED
-    or GIVEN; thesis: its figure, None = not printed.
+    or GIVEN; thesis: its figure, None = not printed; sources: of the uncertainty (`from_sources`).
     """
 
     name: str
@@ -74,6 +75,21 @@ class Quantity(NamedTuple):
     text: str
     kind: str = MEASURED
     thesis: Published | None = None
+    sources: tuple[Source, ...] = ()
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval, NaN without an uncertainty."""
+        half = PER_INTERVAL * self.uncertainty
+        return self.value - half, self.value + half
+
+
+def from_sources(
+    name: str, value: float, sources: Iterable[Source], unit: str, text: str
+) -> Quantity:
+    """Return a measured quantity with the uncertainty that its sources have together."""
+    known = tuple(sources)
+    return Quantity(name, value, stated(known), unit, text, sources=known)
 
 
 class Result(NamedTuple):
@@ -165,6 +181,8 @@ def _plain(q: Quantity) -> dict[str, Any]:
     if q.thesis:
         known = {"value": q.thesis.value, "where": q.thesis.where}  # for the reader of the file
         found["thesis"] = q.thesis._asdict() | known
+    if q.sources:
+        found["sources"] = plain(q.sources)
     return found
 
 
@@ -180,6 +198,7 @@ def _quantity(name: str, content: dict[str, Any]) -> Quantity:
         content["text"],
         content.get("kind", MEASURED),
         read(Published, thesis, "thesis") if thesis else None,
+        tuple(Source(**source) for source in content.get("sources", ())),
     )
 
 

@@ -93,13 +93,23 @@ class StageTrial(NamedTuple):
     """The positioning stage drives the handle at constant speed, no motor torque (thesis 5.2.3).
 
     speed: signed, up the screw positive [m/s]; start, end: heights on the screw [m];
-    upside_down: the module hangs upside down (z stays positive up the screw).
+    upside_down: the module hangs upside down (z stays positive up the screw); back: after a rest
+    the stage returns to the start at the same speed, without the handle being unloaded in between.
+    The samples are then those of both ways, one after the other, of one length, each from where the
+    stage begins to move.
     """
 
     speed: float
     start: float
     end: float
     upside_down: bool = False
+    back: bool = False
+
+    @property
+    def ways(self) -> tuple[tuple[float, float], ...]:
+        """Signed speed [m/s] and end [m] of each way."""
+        out = (self.speed, self.end)
+        return (out, (-self.speed, self.start)) if self.back else (out,)
 
 
 class Arm(NamedTuple):
@@ -258,7 +268,7 @@ class Bench(Protocol):
 def duration_of(trial: Trial) -> float:
     """Return how long a trial's samples last [s]."""
     if isinstance(trial, StageTrial):
-        return abs(trial.end - trial.start) / abs(trial.speed)
+        return len(trial.ways) * abs(trial.end - trial.start) / abs(trial.speed)
     return trial.duration
 
 

@@ -23,13 +23,15 @@ from screw_module_ros.identification.trials import (
 )
 
 COUNT = 0.01905 / 20_000
+PRESLIDING = 2.5e-6  # of the nut [m/N]
 TURN = 2.0 * np.pi / 0.01905
 
 
 class Module(NamedTuple):
     """Friction against gravity is `friction` + `against` [N], with it without `against`.
 
-    rollers: their ripple [N]; worn: what the friction grows by from trial to trial [N].
+    rollers: their ripple [N]; guide: friction of the handle's guide, which that friction contains
+    [N]; worn: what the friction grows by from trial to trial [N].
     """
 
     weight: float = 10.04
@@ -37,7 +39,9 @@ class Module(NamedTuple):
     friction: float = 8.0
     rollers: float = 0.4
     play: float = 1e-4
+    compliance: float = 5e-8
     film: float = 700.0
+    guide: float = 0.3
     mass: float = 5.49
     noise: float = 0.02
     worn: float = 0.0
@@ -93,18 +97,41 @@ class FormulaBench:
         return Samples(time, counted, nothing, force, nothing, nothing, nothing)
 
     def _stage(self, trial: StageTrial):
-        m, way, speed = self.module, np.sign(trial.speed), abs(trial.speed)
-        time = np.arange(round(abs(trial.end - trial.start) / speed * self.rate)) / self.rate
-        handle = speed * time
         upright = -1.0 if trial.upside_down else 1.0
-        against = way * upright > 0.0
-        free = m.play if against else 0.0  # the handle hangs on the side that gravity pulls to
-        nut = np.maximum(handle - free, 0.0)
-        position = trial.start + way * nut
-        pushed = np.minimum(nut / 2e-5, 1.0) * m.level(position, speed, against)
-        if against:
-            pushed = np.where(handle < free, m.film * speed, pushed)
-        return time, position, way * pushed + upright * m.weight
+        # The handle hangs on the side that gravity pulls to, and then where it was left.
+        free = self.module.play if trial.speed * upright > 0.0 else 0.0
+        nut, load, ways = trial.start, -upright * self.module.weight, []
+        for speed, _ in trial.ways:
+            run = abs(trial.end - trial.start)
+            ways.append(self._way(speed, run, nut, free, load, speed * upright > 0.0))
+            (*_, nut), (*_, load) = ways[-1]
+            free = self.module.play
+        position, pushed = map(np.concatenate, zip(*ways, strict=True))
+        time = np.arange(len(position)) / self.rate
+        return time, position, pushed + upright * self.module.weight
+
+    def _way(self, speed, run, nut, free, load, against):
+        """Return positions of the nut and forces of one way, without the weight.
+
+        run: of the handle; nut: where it is; free: play that the handle crosses first, leaving a
+        contact with this load along z. Contact and presliding nut give way in proportion to it.
+        """
+        m, way, fast = self.module, np.sign(speed), abs(speed)
+        gone = fast * np.arange(round(run / fast * self.rate)) / self.rate
+        crossing = way * (m.film * fast + m.guide)
+        if free:
+            leaving = abs(load) * (m.compliance + PRESLIDING)
+            left = np.clip(1.0 - gone / leaving, 0.0, 1.0)
+            before = left * load + (1.0 - left) * crossing
+            nut = nut - (1.0 - left) * load * PRESLIDING
+            free += leaving
+        else:
+            before = np.full_like(gone, crossing)
+        pushing = np.maximum(gone - free, 0.0)
+        share = np.minimum(pushing / 2e-5, 1.0)
+        level = m.level(nut + way * pushing, fast, against)
+        nut = nut + way * np.maximum(pushing - share * level * m.compliance, 0.0)
+        return nut, np.where(share > 0.0, way * share * level + (1.0 - share) * crossing, before)
 
     def _motion(self, trial: MotionTrial):
         time, z, v, a = hand(trial, self.rate)

@@ -80,25 +80,33 @@ def test_only_predictions_are_in_the_headline():
 WEIGHT = Criterion("gravity", "gravity", lambda m: 10.0, 0.3)
 MASS = Criterion("inertia", "mass", lambda m: 5.0, 0.1, True)
 LINE = Criterion("static_torque", "correlation", None, 0.9999)
+LEFT = Criterion("static_torque", "largest_at_handle", None, 1.5, most=True)
 
 
 @pytest.mark.parametrize(
-    ("wanted", "value", "truth", "met"),
+    ("wanted", "value", "stated", "truth", "verdict"),
     [
-        (WEIGHT, 10.29, 10.0, True),
-        (WEIGHT, 9.6, 10.0, False),
-        (WEIGHT, math.nan, 10.0, False),
-        (MASS, 5.49, 5.0, True),
-        (MASS, 5.51, 5.0, False),
-        (LINE, 0.99991, math.nan, True),
-        (LINE, 0.99989, math.nan, False),
+        (WEIGHT, 10.29, 0.1, 10.0, "recovered"),
+        (WEIGHT, 9.6, 0.2, 10.0, "MISSED"),
+        (WEIGHT, math.nan, 0.1, 10.0, "MISSED"),
+        (MASS, 5.49, 0.2, 5.0, "recovered"),
+        (MASS, 5.51, 0.2, 5.0, "MISSED"),
+        (LINE, 0.99991, math.nan, math.nan, "recovered"),
+        (LINE, 0.99989, math.nan, math.nan, "MISSED"),
+        (LEFT, 1.5, math.nan, math.nan, "recovered"),
+        (LEFT, 1.6, math.nan, math.nan, "MISSED"),
+        # Near enough, but not what the statement says.
+        (WEIGHT, 10.29, 0.097, 10.0, "recovered"),
+        (WEIGHT, 10.29, 0.096, 10.0, "BEYOND 3 SIGMA"),
+        (WEIGHT, 9.71, 0.003, 10.0, "BEYOND 3 SIGMA"),
+        (WEIGHT, 10.0, math.nan, 10.0, "BEYOND 3 SIGMA"),
     ],
 )
-def test_what_is_wanted_is_checked(wanted, value, truth, met):
-    row = Checked(module_with(), wanted, quantity(value), truth)
-    assert row.met is met
+def test_what_is_wanted_is_checked(wanted, value, stated, truth, verdict):
+    row = Checked(module_with(), wanted, quantity(value, stated), truth)
     (cells,) = checked_rows([row])
-    assert cells[-1] == ("recovered" if met else "MISSED")
+    assert cells[-1] == verdict
+    assert (row.met, row.honest) == (verdict != "MISSED", verdict != "BEYOND 3 SIGMA")
 
 
 @pytest.mark.parametrize(
@@ -119,8 +127,9 @@ def test_every_kind_of_miss_is_named(module):
     worse = Result("compensation", (Quantity("ratio", 1.1, 0.1, "", "ratio"),), {})
     weighed = (
         quantity(5.0, thesis=TEN._replace(why="another planet")),
-        quantity(6.0, thesis=TEN),
+        quantity(6.0, thesis=TEN)._replace(name="gravity_thesis"),
         Quantity("play", 0.0, math.nan, "m", "play"),
+        Quantity("guide", 0.31, 0.003, "N", "guide"),
     )
     outcomes = {
         "inertia": Outcome(None, "the result of friction_model is needed", 0.1),
@@ -130,9 +139,9 @@ def test_every_kind_of_miss_is_named(module):
     misses = Report([Module(None, module, LoopSettings(), Path("."), outcomes)]).misses
     text = "\n".join(miss.text for miss in misses)
     for part in ("friction_model is needed", "no better", "another planet", "no explanation",
-                 "truth 10.04"):  # fmt: skip
+                 "truth 10.04", "3.3 sigma apart"):  # fmt: skip
         assert part in text
-    assert [miss.serious for miss in misses] == [*[True] * 5, False]
+    assert [miss.serious for miss in misses] == [*[True] * 6, False]
 
 
 def test_criteria_name_experiments_that_exist(module):

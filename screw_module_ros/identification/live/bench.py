@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -374,7 +374,7 @@ class LiveBench:
 
     def _stage(self, trial: StageTrial, on_progress: OnProgress) -> Reader:
         """Let the stage drive the handle."""
-        robot, fixture, say, seconds = self._robot, self._fixture, self._say, duration_of(trial)
+        robot, fixture, say = self._robot, self._fixture, self._say
         fixture.require("stage")
         check_homed(robot)
         check_passive(robot)
@@ -384,7 +384,37 @@ class LiveBench:
         say("zero of the transducer, handle unloaded")
         before = self._unloaded_zero()
         fixture.stage_hold()
-        say(f"stage at {1e3 * trial.speed:+g} mm/s to {1e3 * trial.end:.1f} mm")
+        share = 1.0 / len(trial.ways)
+        seconds, begun = share * duration_of(trial), []
+        for number, (speed, end) in enumerate(trial.ways):
+
+            def on_share(part: float, done: float = share * number) -> None:
+                on_progress(done + share * part)
+
+            begun.append(self._driven(speed, end, seconds, on_share))
+        say("zero of the transducer again")
+        after = self._unloaded_zero()
+        fixture.stage_hold()
+        count = round((seconds + _TAIL_S) * self.rate)
+
+        def read(found: Recorded) -> Samples:
+            firsts = [
+                found.tick_at(began_ns) if began_ns else first_moved(found, rest_ns)
+                for rest_ns, began_ns in begun
+            ]
+            return in_turn([found.samples(first, count, before, after) for first in firsts])
+
+        return read
+
+    def _driven(
+        self, speed: float, end: float, seconds: float, on_progress: OnProgress
+    ) -> tuple[float, float | None]:
+        """Run the stage one way, of so many seconds; return a time before it, and of its start.
+
+        Both [ns]; the start is None where only the position of the nut is known.
+        """
+        robot, fixture = self._robot, self._fixture
+        self._say(f"stage at {1e3 * speed:+g} mm/s to {1e3 * end:.1f} mm")
 
         def look(elapsed: float) -> None:
             check_passive(robot)
@@ -393,22 +423,14 @@ class LiveBench:
 
         rest_ns = self.clock.now_ns()
         try:
-            fixture.stage_go(trial.speed, trial.end)
+            fixture.stage_go(speed, end)
             deadline_s = (1.2 if fixture.simulated else 20.0) * seconds + _SPARE_S
-            self._until(lambda: fixture.stage_passed(trial.end), deadline_s, look)
+            self._until(lambda: fixture.stage_passed(end), deadline_s, look)
             robot.pause(2.0 * _TAIL_S)
         finally:
             with self._unhurried("stage not stopped"):
                 fixture.stage_halt()
-        began_ns = fixture.stage_began_ns()
-        say("zero of the transducer again")
-        after = self._unloaded_zero()
-        fixture.stage_hold()
-        count = round((seconds + _TAIL_S) * self.rate)
-        return lambda found: found.samples(
-            found.tick_at(began_ns) if began_ns else first_moved(found, rest_ns), count, before,
-            after,
-        )  # fmt: skip
+        return rest_ns, fixture.stage_began_ns()
 
     def _motion(self, trial: MotionTrial, on_progress: OnProgress) -> Reader:
         """Let a hand move the handle while the law runs with the trial's settings."""
@@ -545,6 +567,17 @@ def first_tick(found: Recorded, begin_ns: float, sine: Excitation) -> int:
     torque = force_to_torque(force[row])
     missing = min(range(60), key=lambda n: round(abs(sine.torque(n, found.rate) - torque), 9))
     return int(ticks[row]) - missing
+
+
+def in_turn(ways: Sequence[Samples]) -> Samples:
+    """Return the samples of ways of one length one after the other, at even times."""
+    first = ways[0]
+    columns = {
+        name: np.concatenate([getattr(way, name) for way in ways])
+        for name in first._fields if getattr(first, name) is not None
+    }  # fmt: skip
+    columns["time"] = np.arange(len(columns["time"])) * (first.time[1] - first.time[0])
+    return first._replace(**columns)
 
 
 def first_moved(found: Recorded, rest_ns: float) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
@@ -23,11 +24,12 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification import force_error
+from screw_module_ros.identification import force_error, friction_map
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_metric import ErrorOf
+from screw_module_ros.identification.gravity import Crossing
 from screw_module_ros.identification.lab import Lab
-from screw_module_ros.identification.results import load_result
+from screw_module_ros.identification.results import Result, load_result
 from screw_module_ros.nodes.bringup import Process
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.plant.settings import load_world
@@ -313,6 +315,28 @@ def test_friction_at_one_speed(bench, tmp_path):
     assert abs(found.value("mean_down")) < 4.0
     assert found.value("filled_up") > 0.05
     assert any("stage at -60 mm/s" in told.doing for told in goal.told)
+    bench.check_put_back()
+
+
+def test_the_weight_across_the_play_both_ways(bench, tmp_path):
+    """The stage creeps to the other side of the play and back; the guide's friction cancels."""
+    nothing = np.full((1, 142), np.nan)
+    data = {"centres": 2.5 * (np.arange(142) + 0.5), "speeds": np.array((0.05,))}
+    data |= dict.fromkeys(friction_map.MAPS, nothing)
+    Result("friction_map", (), {}, (), data).save(tmp_path)
+    bench.fix("stage")
+    goal = bench.goal("gravity", tmp_path, speeds=[0.0005, 0.001], heights=[0.25])
+    goal.result()
+    found, vertical = load_result(tmp_path, "gravity"), load_world().vertical
+    for name, truth, margin in (
+        ("gravity", vertical.moving_mass * vertical.gravity, 0.05),
+        ("guide", vertical.rail_friction, 0.1),
+        ("play", vertical.play, 3e-6),
+    ):
+        assert found.value(name) == pytest.approx(truth, abs=margin), name
+    force = found.data["crossings"][:, Crossing._fields.index("force")]
+    assert np.isfinite(force).all(), "both ways of each run cross the play"
+    assert any("stage at -1 mm/s to 250.0 mm" in told.doing for told in goal.told)
     bench.check_put_back()
 
 
