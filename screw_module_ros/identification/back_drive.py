@@ -77,8 +77,8 @@ def joint_inertia() -> JointInertia:
     """Return the set `appendix_d` of `params/plant.yaml`, whatever set the simulated rig has.
 
     Derived from appendix D, not measured: the paper prints no inertias. With `ARM` it reproduces
-    all the printed figures: anisotropy 1.23 to 1.53, at most 4/3 kg without the module, 4 kg with a
-    module of 2.7 kg. Raises SettingError where the file cannot be read.
+    the printed anisotropy, 1.23 to 1.53, and keeps the bounds that the paper set itself: 4/3 kg
+    without the module, 4 kg with one of 2.7 kg. Raises SettingError where the file cannot be read.
     """
     return load_world().planar.appendix_d
 
