@@ -31,7 +31,7 @@ _MODE = 100 + AT_ONCE
 """Samples: the drive's second PDO reports the mode each 100 ms."""
 _STUCK = 400
 """Samples until a lasting wrong torque is detected, by its duration and by the position."""
-_FAR = (0.12, -0.1, 0.31, 0.0, 0.0, 0.0)
+_FAR = (0.12, 0.1, 0.31, 0.0, 0.0, 0.0)
 """A set point [m], [m/s] whose spring of 100 N/m turns an arm that nobody holds."""
 _UNMOVED = 300
 """Samples until the set point is that far, and the joint has not moved in 0.1 s of 3 Nm."""
