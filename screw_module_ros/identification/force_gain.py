@@ -28,8 +28,9 @@ from .trials import MotionTrial, Samples
 
 NAME = "force_gain"
 _WITH = (
-    "the friction of the handle's guide is assumed; it damps the nut in its play, and the less of "
-    "it there is, the smaller is the gain at which chatter begins"
+    "the friction of the handle's guide and the axial support of the screw are assumed; the guide "
+    "damps the nut in its play, and the less there is of either, the smaller is the gain at which "
+    "chatter begins: 11 on a rigid support"
 )
 _CHOSEN = (
     "contact stiffness, contact damping and film damping of the play, so that a gain of 5 runs and "
@@ -37,8 +38,9 @@ _CHOSEN = (
 )
 _WITHOUT = (
     "at the thesis's 50 its simulation was not unstable; here the criterion is lasting chatter of "
-    "0.2 N rms, which sampling, the delay of 350 us, the 30 Hz force filter and the contact's "
-    "stiffness cause at a smaller gain; beyond it the chatter stays bounded"
+    "0.2 N rms, which sampling, the delay of 350 us, the 30 Hz force filter and the stiffness of "
+    "contact and axial support cause at a smaller gain (15 on a rigid support); beyond it the "
+    "chatter stays bounded"
 )
 # Both are bounds in the thesis and no onsets: its hardware ran well at 5 and chattered much above,
 # its simulation was stable at 50.

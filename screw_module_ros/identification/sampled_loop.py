@@ -3,11 +3,12 @@
 
 The law is the one that the robot executes: `linear_law` settles `control.vertical` about a pressed
 handle and takes differences of its step. The module is two masses in permanent contact, without
-play and friction, the screw in its mount (appendix A) if that is not rigid. The environment, an arm
-or a wall, is a mass, a spring and a damper at the handle (`Arm`). Amplifier pole and transducer
-filter are continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius
-is below one. Friction stabilises and play destabilises the real loop, so the result is neither a
-lower nor an upper bound of the real gain, but the limit of the linear loop.
+play and friction, and the screw, which its axial support (ours, not in the thesis) lets move along
+its axis. The environment, an arm or a wall, is a mass, a spring and a damper at the handle (`Arm`).
+Amplifier pole and transducer filter are continuous; sampling, hold and delay are exact. The loop is
+stable if the spectral radius is below one. Friction stabilises and play destabilises the real loop,
+so the result is neither a lower nor an upper bound of the real gain, but the limit of the linear
+loop.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from .trials import Arm
 
 MOST = 100.0
 """Largest gain of a search."""
-_N, _M, _H, _C, _F = 0, 2, 4, 6, 7  # nut, mount, handle, amplifier, transducer filter in the state
+_N, _S, _H, _C, _F = 0, 2, 4, 6, 7  # nut, screw, handle, amplifier, transducer filter in the state
 _STATES = 8
 _AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
 _SETTLE_S = 3.0
@@ -40,17 +41,18 @@ _NOTHING = 1e-9  # a smaller entry of a difference is rounding
 
 class Mechanism(NamedTuple):
     """nut_mass, handle_mass [kg]; contact_stiffness [N/m], contact_damping, film_damping [Ns/m]
-    between them; amplifier: its pole [Hz]; transducer: its filter [Hz]; mount_stiffness [N/m], 0 =
-    rigid, mount_damping [Ns/m], mount_mass [kg]: of the screw in its mount."""
+    between them; support_stiffness [N/m], support_damping_ratio, screw_mass [kg]: of the screw
+    along its axis, assumed as in params/plant.yaml; amplifier: its pole [Hz]; transducer: its
+    filter [Hz]."""
 
     nut_mass: float = 4.4666
     handle_mass: float = 1.0234
     contact_stiffness: float = 20e6
     contact_damping: float = 3000.0
     film_damping: float = 700.0
-    mount_stiffness: float = 0.0
-    mount_damping: float = 400.0
-    mount_mass: float = 3.25
+    support_stiffness: float = 1e7
+    support_damping_ratio: float = 0.05
+    screw_mass: float = 0.6
     amplifier: float = 1000.0
     transducer: float = 1000.0
 
@@ -220,28 +222,25 @@ def sampled(mechanism: Mechanism, environment: Arm, sampling: Sampling) -> Linea
 
 
 def _continuous(m: Mechanism, e: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """Return dynamics and input [per N of command] of nut, mount, handle, amplifier and filter.
+    """Return dynamics and input [per N of command] of nut, screw, handle, amplifier and filter.
 
-    The encoder turns with the screw: it does not see the deflection of the mount.
+    The encoder turns with the screw: it does not see the deflection of the support.
     """
     a = np.zeros((_STATES, _STATES))
     contact = np.zeros(_STATES)  # force of the handle on the nut
     damping = m.contact_damping + m.film_damping
     contact[[_H, _H + 1]] = m.contact_stiffness, damping
     contact[[_N, _N + 1]] = -m.contact_stiffness, -damping
-    if m.mount_stiffness:
-        contact[[_M, _M + 1]] = -m.contact_stiffness, -damping
-        a[_M, _M + 1] = 1.0
-        a[_M + 1] = contact / m.mount_mass
-        a[_M + 1, _M] -= m.mount_stiffness / m.mount_mass
-        a[_M + 1, _M + 1] -= m.mount_damping / m.mount_mass
-    else:
-        a[_M, _M] = a[_M + 1, _M + 1] = -1e3  # nothing moves there
+    contact[[_S, _S + 1]] = -m.contact_stiffness, -damping
+    support = math.sqrt(m.support_stiffness / m.screw_mass)  # [rad/s] of the screw alone
     held = np.zeros(_STATES)  # of spring and damper of the environment on the handle
     held[[_H, _H + 1]] = -e.stiffness, -e.damping
-    a[_N, _N + 1] = a[_H, _H + 1] = 1.0
+    a[_N, _N + 1] = a[_S, _S + 1] = a[_H, _H + 1] = 1.0
     a[_N + 1] = contact / m.nut_mass
     a[_N + 1, _C] += 1.0 / m.nut_mass
+    a[_S + 1] = contact / m.screw_mass
+    a[_S + 1, _S] -= support**2
+    a[_S + 1, _S + 1] -= 2.0 * m.support_damping_ratio * support
     a[_H + 1] = (held - contact) / (m.handle_mass + e.mass)
     pole = 2.0 * math.pi * m.amplifier
     a[_C, _C] = -pole

@@ -3,7 +3,7 @@
 
 7.1 of the thesis asks for tools of this kind; this one is ours.
 
-The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, mount,
+The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, support,
 delay, rate, filters and the hand allow, with the law that the robot executes. The effect of each
 limiting factor is the gain without it. On a simulated module without play the experiment also
 raises the gain until the handle chatters, for comparison with the prediction.
@@ -47,6 +47,8 @@ SIMULATED, IDENTIFIED, NOMINAL = "of the simulated module", "identified", "of th
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
+RIGID = 1e12
+"""A support of this stiffness [N/m] changes no gain."""
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _SHOWN = 1.0  # least gain of the figure
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
@@ -65,11 +67,13 @@ class Settings(NamedTuple):
     contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
     contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
     film_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e4)] = 700.0
-    mount_stiffness: Annotated[
-        float, Setting("of the screw, 0 = rigid; the softest of appendix A", "N/m", 0.0, 1e9)
-    ] = 2e6
-    mount_damping: Annotated[float, Setting("of the screw's mount", "Ns/m", 0.0, 1e5)] = 400.0
-    mount_mass: Annotated[float, Setting("that moves in the mount", "kg", 0.5, 50.0)] = 3.25
+    support_stiffness: Annotated[
+        float, Setting("axial, of the screw; assumed, measure it", "N/m", 1e5, RIGID)
+    ] = 1e7
+    support_damping_ratio: Annotated[
+        float, Setting("of the screw on its axial support; assumed", "", 0.0, 2.0)
+    ] = 0.05
+    screw_mass: Annotated[float, Setting("moving on the axial support", "kg", 0.01, 50.0)] = 0.6
     cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
     velocity_cutoff: Annotated[float, Setting("of the velocity filter", "Hz", 0.1, 1000.0)] = 30.0
     simulated: Annotated[bool, Setting("also find the onset in simulation")] = True
@@ -81,8 +85,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
     feedback, observer = laws_of(usual, velocity_cutoff)
     quantities, data = [], {}
-    mount = mechanism.mount_stiffness
-    notes = [f"The screw's mount: {f'{mount:g} N/m' if mount else 'rigid'}. {_NOTE}"]
+    support = mechanism.support_stiffness
+    notes = [f"The screw's axial support, assumed and not measured: {support:g} N/m. {_NOTE}"]
     for name, (text, environment) in ENVIRONMENTS.items():
         given = (mechanism, environment, sampling)
         for law_name, law in (("feedback", feedback), ("observer", observer)):
@@ -153,13 +157,11 @@ def limits(
         "the delay": (mechanism, environment, sampling._replace(delay=1e-6)),
         "the sampling rate": (mechanism, environment, sampling._replace(rate=4.0 * sampling.rate)),
         "the contact": (firm, environment, sampling),
-        "the mount": (mechanism._replace(mount_stiffness=0.0), environment, sampling),
+        "the support": (mechanism._replace(support_stiffness=RIGID), environment, sampling),
         "amplifier and transducer": (quick, environment, sampling),
         "the environment's mass": (mechanism, environment._replace(mass=0.0), sampling),
         "the environment's stiffness": (mechanism, environment._replace(stiffness=0.0), sampling),
     }
-    if not mechanism.mount_stiffness:
-        del without["the mount"]
     return {name: min(largest_gain(*loop, law, 1000.0), 1000.0) / now
             for name, loop in without.items()}  # fmt: skip
 
@@ -170,9 +172,10 @@ def hand_formula(
     """Return the largest gain by the hand formula, from the phase of 180 degrees at wp.
 
     Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
-    is the delay, plus the amplifier's lag, plus half a period. NaN if the contact's resonance wr is
-    below wp, if the environment has no mass, or if its spring, delayed by filter and delay, exceeds
-    its damper: then the loop oscillates on that spring at a much smaller gain.
+    is the delay, plus the amplifier's lag, plus half a period; wr is the resonance of contact and
+    axial support in series. NaN if it is below wp, if the environment has no mass, or if its
+    spring, delayed by filter and delay, exceeds its damper: then the loop oscillates on that spring
+    at a much smaller gain.
     """
     if environment.mass <= 0.0:
         return math.nan
@@ -186,7 +189,8 @@ def hand_formula(
         past = math.atan(middle / corner) + middle * tau > math.pi
         low, high = (low, middle) if past else (middle, high)
     outer = mechanism.handle_mass + environment.mass
-    resonance = math.sqrt(mechanism.contact_stiffness * (1.0 / mechanism.nut_mass + 1.0 / outer))
+    bending = 1.0 / mechanism.contact_stiffness + 1.0 / mechanism.support_stiffness
+    resonance = math.sqrt((1.0 / mechanism.nut_mass + 1.0 / outer) / bending)
     if low >= resonance:
         return math.nan
     mass = mechanism.nut_mass + outer

@@ -3,7 +3,8 @@
 
 Two masses, thesis 5.1 and Table 5.1 (equation of motion 5.3, split at the play): the nut side is
 everything the motor turns, as mass at the nut; the handle side is what moves up and down (10.04 N
-of weight) with the transducer and the arm's mass. `vertical.vertical_step` moves them.
+of weight) with the transducer and the arm's mass. The third is ours: the screw, which its axial
+support lets move along its axis. `vertical.vertical_step` moves them.
 """
 
 from __future__ import annotations
@@ -36,9 +37,13 @@ class Vertical(NamedTuple):
         float, Setting("guide and cable on the handle's side of the play", "N", 0.0, 20.0)
     ]
     rail_stiffness: Annotated[float, Setting("bristles of that friction", "N/m", 1e3, 1e8)]
-    mount_stiffness: Annotated[float, Setting("screw's mount, 0 = rigid", "N/m", 0.0, 1e9)]
-    mount_damping: Annotated[float, Setting("screw's mount", "N s/m", 0.0, 1e5)]
-    mount_mass: Annotated[float, Setting("that moves in the mount", "kg", 0.5, 50.0)]
+    support_stiffness: Annotated[
+        float, Setting("axial, of the screw; rigid from 1e10 on", "N/m", 1e5, 1e12)
+    ]
+    support_damping_ratio: Annotated[
+        float, Setting("of the screw on its axial support", "", 0.0, 2.0)
+    ]
+    screw_mass: Annotated[float, Setting("moving on the axial support", "kg", 0.01, 50.0)]
     travel: Annotated[float, Setting("between the end stops", "m", 0.05, 2.0)]
     stop_stiffness: Annotated[float, Setting("end stops", "N/m", 1e3, 1e7)]
     stop_damping: Annotated[float, Setting("end stops", "N s/m", 0.0, 1e5)]
@@ -97,9 +102,10 @@ class ModuleState(NamedTuple):
     bearing [Nm]; friction, patient_force, contact_force (of the handle on the nut) [N]; current [A]
     and the three commands before [A]; torque: on the rotor [Nm]; rotor_angle, rotor_velocity: of
     the rotor locked to the transducer [rad], [rad/s]; way: travelled by the nut since power-on [m];
-    rail_bristle: force of the friction on the handle's side [N]; mount [m], mount_velocity: of the
-    screw in its mount; filtered_force: patient_force behind the transducer's filter, shown_force:
-    behind its hysteresis too [N]; arm [m], arm_velocity: of an arm behind a soft grip.
+    rail_bristle: force of the friction on the handle's side [N]; support [m], support_velocity: of
+    the screw along its axis, as its support gives way; filtered_force: patient_force behind the
+    transducer's filter, shown_force: behind its hysteresis too [N]; arm [m], arm_velocity: of an
+    arm behind a soft grip.
     """
 
     nut: float
@@ -120,8 +126,8 @@ class ModuleState(NamedTuple):
     rotor_velocity: float
     way: float
     rail_bristle: float
-    mount: float
-    mount_velocity: float
+    support: float
+    support_velocity: float
     filtered_force: float
     shown_force: float
     arm: float
@@ -165,12 +171,14 @@ def resting_state(module: Vertical, position: float, upright: float) -> ModuleSt
     Friction in its elastic range carries the weight, if possible. upright: +1, upside down -1.
     """
     weight = upright * module.moving_mass * module.gravity
-    sag = 0.5 * module.play * upright + weight / module.contact_stiffness
+    support = -weight / module.support_stiffness
+    sag = 0.5 * module.play * upright + weight / module.contact_stiffness - support
     zeros = ModuleState(*(0.0,) * len(ModuleState._fields))
     return zeros._replace(
         nut=position,
         handle=position - sag,
         arm=position - sag,
+        support=support,
         bristle=-weight,
         friction=-weight,
         contact_force=-weight,

@@ -20,6 +20,8 @@ from .planar import Planar, resting_plane
 from .sensor import Sensor
 
 DEFAULT_FILE = "params/plant.yaml"
+_SUPPORT = (5e6, 4e7)
+"""Range of the axial support's stiffness that is drawn [N/m]. Ours: assumed, not in the thesis."""
 
 
 class Start(NamedTuple):
@@ -101,9 +103,9 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
 
     It changes friction (level, ripples, phases, slopes, shape of the trend, stiction, Stribeck,
     bristles, load, slip, warm-up), masses and with them gravity, the motor constant, dead zone and
-    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer. How
-    large the differences of two modules are is ours; the thesis says only that its friction holds
-    for one prototype until it is taken apart (5.1.1).
+    delay of the amplifier, play, contact, film, guide and the screw's axial support, noise and
+    filter of the transducer. How large the differences of two modules are is ours; the thesis says
+    only that its friction holds for one prototype until it is taken apart (5.1.1).
     """
     draw = random.Random(f"plant {seed}")
 
@@ -182,6 +184,11 @@ def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
     sensor = settings.sensor._replace(
         force_noise=_about(draw, settings.sensor.force_noise, 0.7),
         bandwidth=draw.uniform(300.0, 2000.0),
+    )
+    # Drawn last, so that seeds still draw the earlier values.
+    vertical = vertical._replace(
+        support_stiffness=math.exp(draw.uniform(*map(math.log, _SUPPORT))),
+        support_damping_ratio=_about(draw, v.support_damping_ratio, 1.0),
     )
     return settings._replace(
         friction=friction, vertical=vertical, amplifier=amplifier, sensor=sensor

@@ -3,8 +3,9 @@
 
 Motor, friction and encoder are on the nut's side; weight, end stops, transducer and arm are on the
 handle's side. Between them is play with a film of grease, then a contact spring with a damper that
-acts in contact only. One substep solves both velocities implicitly (backward Euler), so springs and
-friction can remove energy but not add any.
+acts in contact only. The nut's force also pushes the screw along its axis, against its support; the
+encoder, which turns with the screw, does not see that. One substep solves the three velocities
+implicitly (backward Euler), so springs and friction can remove energy but not add any.
 
 z is positive up the screw also when the module hangs upside down. `patient_force` is the force of
 the patient (arm or stage) on the robot at the transducer, so it contains the reaction of the arm's
@@ -48,38 +49,24 @@ def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleSt
         return ModuleState(
             s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
             current, history_1, history_2, history_3, drive, angle, speed,
-            s.way, s.rail_bristle, s.mount, 0.0, 0.0, 0.0, s.arm, 0.0,
+            s.way, s.rail_bristle, s.support, 0.0, 0.0, 0.0, s.arm, 0.0,
         )  # fmt: skip
-    nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient, rail = _move(
-        p, s, u, drive
-    )
+    (
+        nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient, rail,
+        support, support_velocity,
+    ) = _move(p, s, u, drive)  # fmt: skip
     brake = p.module.brake_damping * p.turn_rate * nut_velocity if u.braked else 0.0
     moment = p.module.handle_offset * abs(patient) + p.module.grip_height * u.side_force
     load = s.load + (moment - s.load) * p.dt / (p.friction.load_time + p.dt)
-    mount, mount_velocity = _mount(p, s, contact)
     filtered = s.filtered_force + (patient - s.filtered_force) * p.dt / (p.force_lag + p.dt)
     shown = min(max(s.shown_force, filtered - p.hysteresis), filtered + p.hysteresis)
     arm, arm_velocity = _arm(p, s, u, handle, handle_velocity)
     return ModuleState(
         nut, nut_velocity, handle, handle_velocity, bristle, load, friction, patient, contact,
         current, history_1, history_2, history_3, drive - brake, 0.0, 0.0,
-        s.way + abs(nut_velocity) * p.dt, rail, mount, mount_velocity, filtered, shown,
+        s.way + abs(nut_velocity) * p.dt, rail, support, support_velocity, filtered, shown,
         arm, arm_velocity,
     )  # fmt: skip
-
-
-def _mount(p: VerticalParams, s: ModuleState, contact: float) -> tuple[float, float]:
-    """Return deflection [m] and velocity of the screw in its mount (thesis appendix A, case 3).
-
-    The handle's force acts through the nut on screw and mount. The encoder turns with the screw and
-    does not measure the deflection. Spring and damper are implicit, with the force of the substep.
-    """
-    m = p.module
-    if m.mount_stiffness == 0.0:
-        return 0.0, 0.0
-    push = contact - m.mount_stiffness * s.mount + m.mount_mass / p.dt * s.mount_velocity
-    velocity = push / (m.mount_mass / p.dt + m.mount_damping + m.mount_stiffness * p.dt)
-    return s.mount + p.dt * velocity, velocity
 
 
 def _arm(
@@ -133,11 +120,11 @@ def _stop_terms(m: Vertical, position: float, velocity: float, dt: float) -> tup
 
 def _move(
     p: VerticalParams, s: ModuleState, u: ModuleInput, drive: float
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Solve one substep of both masses; drive: mean motor torque [Nm].
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:
+    """Solve one substep of the three masses; drive: mean motor torque [Nm].
 
     Returns nut [m], its velocity, handle, its velocity, bristle, friction, contact, patient and the
-    handle's own bristle [N].
+    handle's own bristle [N], the screw's axial displacement [m] and its velocity.
     """
     m = p.module
     dt = p.dt
@@ -182,7 +169,7 @@ def _move(
         )
         if (s.handle <= 0.0 and stage < 0.0) or (s.handle >= m.travel and stage > 0.0):
             stage = 0.0  # as the end switches of the stage do
-    nut_velocity, handle_velocity, contact = _solve(
+    nut_velocity, handle_velocity, support_velocity, contact = _solve(
         m, s, dt, nut_gain, nut_push, handle_gain, handle_push, u.locked, stage
     )
     acceleration = (handle_velocity - s.handle_velocity) / dt
@@ -207,6 +194,8 @@ def _move(
         contact,
         patient,
         rail,
+        s.support + dt * support_velocity,
+        support_velocity,
     )
 
 
@@ -220,19 +209,24 @@ def _solve(
     handle_push: float,
     locked: bool,
     stage: float,
-) -> tuple[float, float, float]:
-    """Return both velocities after the substep and the contact force of the handle on the nut.
+) -> tuple[float, float, float, float]:
+    """Return the velocities of nut, handle and screw (along its axis) after the substep, and the
+    contact force of the handle on the nut.
 
     Without contact, gain x velocity = push on each side [N]. A locked screw and a stage (velocity
-    `stage`, NaN = none) prescribe their side's velocity. The direction of the masses decides
-    whether the contact is assumed open or closed; the result is checked: a contact does not pull.
+    `stage`, NaN = none) prescribe their side's velocity. The screw is eliminated: its velocity is
+    (push + contact force) / gain, so the contact acts as if softer by the share that the screw
+    gives way. The direction of the masses decides whether the contact is assumed open or closed;
+    the result is checked: a contact does not pull.
     """
-    gap = s.handle - s.nut - s.mount
+    screw_gain, screw_push = _screw_terms(m, s, dt)
+    sway = screw_push / screw_gain  # the screw's velocity without contact
+    gap = s.handle - s.nut - s.support
     half = 0.5 * m.play
-    sway = s.mount_velocity  # of the screw in its mount; the nut moves with it
-    ahead = gap + dt * (s.handle_velocity - s.nut_velocity - sway)
+    ahead = gap + dt * (s.handle_velocity - s.nut_velocity - s.support_velocity)
     nut_velocity = 0.0
     handle_velocity = 0.0
+    screw_velocity = 0.0
     contact = 0.0
     for _ in range(2):
         side = 1.0 if ahead > half else (-1.0 if ahead < -half else 0.0)
@@ -240,25 +234,26 @@ def _solve(
         share = min(abs(depth) / m.contact_depth, 1.0)
         spring = m.contact_stiffness * depth * abs(side)
         firm = (m.contact_stiffness * dt + share * m.contact_damping) * abs(side)
-        gain = firm + m.film_damping
+        left = screw_gain / (screw_gain + firm + m.film_damping)
+        gain = left * (firm + m.film_damping)
+        steady = left * spring - gain * sway
         if locked:
             nut_velocity = 0.0
         elif stage == stage:
-            nut_velocity = (nut_push + spring + gain * (stage - sway)) / (nut_gain + gain)
+            nut_velocity = (nut_push + steady + gain * stage) / (nut_gain + gain)
         else:
-            first = nut_push + spring - gain * sway
-            second = handle_push - spring + gain * sway
+            first = nut_push + steady
+            second = handle_push - steady
             nut_velocity = (first * (handle_gain + gain) + second * gain) / (
                 nut_gain * handle_gain + gain * (nut_gain + handle_gain)
             )
         if stage == stage:
             handle_velocity = stage
         else:
-            handle_velocity = (handle_push - spring + gain * (nut_velocity + sway)) / (
-                handle_gain + gain
-            )
-        closing = handle_velocity - nut_velocity - sway
-        contact = spring + gain * closing
+            handle_velocity = (handle_push - steady + gain * nut_velocity) / (handle_gain + gain)
+        contact = steady + gain * (handle_velocity - nut_velocity)
+        screw_velocity = (screw_push + contact) / screw_gain
+        closing = handle_velocity - nut_velocity - screw_velocity
         pulls = side * (spring + firm * closing) < 0.0
         ahead = gap + dt * closing
         if side == 0.0 and abs(ahead) <= half:
@@ -267,4 +262,15 @@ def _solve(
             break
         if pulls:
             ahead = 0.0
-    return nut_velocity, handle_velocity, contact
+    return nut_velocity, handle_velocity, screw_velocity, contact
+
+
+def _screw_terms(m: Vertical, s: ModuleState, dt: float) -> tuple[float, float]:
+    """Return gain and push of the screw on its axial support: gain x velocity = push + contact.
+
+    m x'' = F - k x - c x' with c = 2 zeta sqrt(k m); F: of the handle, through nut and thread.
+    Spring and damper are implicit. The support is ours: assumed, not in the thesis.
+    """
+    damping = 2.0 * m.support_damping_ratio * math.sqrt(m.support_stiffness * m.screw_mass)
+    gain = m.screw_mass / dt + damping + m.support_stiffness * dt
+    return gain, m.screw_mass / dt * s.support_velocity - m.support_stiffness * s.support

@@ -69,6 +69,30 @@ def test_peaks_are_those_of_two_masses_on_three_springs(z):
     assert mounting.resonances(mounting.absorber(THIN, settings)) == pytest.approx(expected)
 
 
+def test_a_rocking_screw_has_its_limit_cases():
+    """Case 1 without motor is case 2, symmetric about the centre; there f = l1 sqrt(2 k / I)."""
+    z, bare = mounting.positions(MOUNTING), MOUNTING._replace(
+        case1_top=2e6, case1_bottom=2e6, top_mass=0.0
+    )  # fmt: skip
+    found = mounting.case1(THIN, z, bare)[1]
+    assert found == pytest.approx(mounting.profile(THIN, z, 2e6, 2e6)[1])
+    assert found == pytest.approx(found[::-1])
+    inertia = THIN.mass * THIN.length**2 / 12.0
+    at_centre = THIN.half_length * math.sqrt(2.0 * 2e6 / inertia) / (2.0 * math.pi)
+    assert found[len(z) // 2] == pytest.approx(at_centre)
+
+
+@pytest.mark.parametrize("z", [0.0, 0.1, -0.15])
+def test_an_absorber_dips_at_its_own_frequency_and_on_a_stiff_ground_is_case_2(z):
+    settings = MOUNTING._replace(case3_top=4e6, case3_bottom=1e6, case3_ground=2e6, case3_nut=z)
+    dip = np.array([math.sqrt((4e6 + 2e6) / settings.top_mass)])
+    system = mounting.absorber(THIN, settings)
+    assert abs(mounting.response(system, dip)) < 1e-6 * abs(mounting.response(system, 0.9 * dip))
+    stiff = mounting.resonances(mounting.absorber(THIN, settings._replace(case3_ground=1e12)))
+    alone = mounting.profile(THIN, np.array([z]), 4e6, 1e6)[1]
+    assert stiff[0] / (2.0 * math.pi) == pytest.approx(alone[0], rel=1e-4)
+
+
 def test_the_response_is_that_of_the_state_space():
     system, omega = mounting.absorber(THIN, MOUNTING), np.array([150.0, 1500.0, 4000.0])
     expected = [

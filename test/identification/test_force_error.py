@@ -61,7 +61,7 @@ def found(bench, mode, case, law=DEFAULT):
     return ErrorOf(**{name: float(value) for name, value in part.items()})
 
 
-WALLS = ("wall_1e4_badly", "wall_1e6_badly", "heavy_holding")
+WALLS = ("wall_1e4_badly", "wall_1e6_badly")
 
 
 @pytest.mark.parametrize(
@@ -80,6 +80,10 @@ WALLS = ("wall_1e4_badly", "wall_1e6_badly", "heavy_holding")
         (UNSEEN, (OBSERVER,), ("holding",), {"rms": 0.3, "travel": 0.2e-3}, False),
         # The guard ends what no gain can be stable against.
         ((7101,), (FORCE_FEEDBACK, COMBINED, OBSERVER), WALLS, {"swing": 1.5}, False),
+        # Missed in modes 3 and 4 since the screw has an axial support (here 9.5e6 N/m with a
+        # damping ratio of 0.02): 1.8 and 1.6 N to the end of the trial, 0.01 and 0.1 if rigid.
+        ((7101,), (FORCE_FEEDBACK, COMBINED), ("heavy_holding",), {"swing": 1.9}, False),
+        ((7101,), (OBSERVER,), ("heavy_holding",), {"swing": 0.3}, False),
         # It swung by 2, 8 and 12 mm, with the model in where nobody holds the handle.
         ((6009, 6021, 6029), (COMBINED,), ("released",), {"travel": 0.3e-3}, True),
         # It hunted by 0.2 to 0.7 mm on some of these rigs: one count ended its rest.
@@ -225,17 +229,26 @@ def test_onset(rows, expected):
     assert force_gain.onset(rows, 0.5) == expected
 
 
-def test_backlash_limits_the_gain(bench, tmp_path):
-    settings = force_gain.Settings(gains=(0.0, 5.0, 12.0, 20.0), resolution=1.0, duration=8.0)
+@pytest.mark.parametrize(
+    ("support", "with_backlash", "without"),
+    [(1e7, (4.0, 6.0), (5.0, 7.0)), (1e12, (9.0, 13.0), (13.0, 18.0))],
+)
+def test_support_and_backlash_limit_the_gain(module, tmp_path, support, with_backlash, without):
+    """On the support that is assumed, the support does, near the thesis's 5; on a rigid one play.
+
+    Over 31 s the onset on the first is 4.3 with backlash: bursts come where friction is low.
+    """
+    vertical = module.vertical._replace(support_stiffness=support)
+    bench = InProcessBench(module._replace(vertical=vertical))
+    settings = force_gain.Settings(gains=(0.0, 4.0, 5.0, 12.0, 20.0), resolution=1.0, duration=8.0)
     result = force_gain.run(Lab(bench, tmp_path), settings)
     loose, tight = (result.value(f"gain_{end}_backlash") for end in ("with", "without"))
-    assert 4.0 < loose < 13.0, "above the thesis's 5, not far above"
-    assert tight > 1.2 * loose
+    assert with_backlash[0] <= loose < with_backlash[1] and without[0] <= tight < without[1]
     assert result.quantity("gain_with_backlash").uncertainty <= 0.5, "half of the resolution"
 
 
 @pytest.mark.parametrize(
-    ("mode", "without"), [(IMPEDANCE, 9.2), (FORCE_FEEDBACK, 1.5), (OBSERVER, 0.09)]
+    ("mode", "without"), [(IMPEDANCE, 9.2), (FORCE_FEEDBACK, 1.5), (OBSERVER, 0.10)]
 )
 def test_a_damper_adds_its_own_force_to_the_offset_of_every_mode(bench, mode, without):
     """What mode 5 leaves is not the damper's doing: without one, unchecked, it leaves as little."""

@@ -19,8 +19,8 @@ from screw_module_ros.plant.patient import hand_point
 def test_rigs_are_drawn_within_their_ranges_and_are_the_same_for_a_seed():
     rigs = [drawn("B", seed) for seed in range(30)]
     assert rigs[7] == drawn("B", 7)
-    mounts = {rig.world.vertical.mount_stiffness for rig in rigs}
-    assert 0.0 in mounts and all(m == 0.0 or 2e6 <= m <= 4e7 for m in mounts)
+    supports = [rig.world.vertical.support_stiffness for rig in rigs]
+    assert 5e6 <= min(supports) < 8e6 and 2.5e7 < max(supports) <= 4e7
     assert {rig.world.start.counts_per_turn for rig in rigs} == {2000, 4000, 8192, 20000}
     delays = [rig.loop.command_delay for rig in rigs]
     assert 0.4e-3 <= min(delays) < 0.5e-3 and 2.4e-3 < max(delays) <= 3e-3

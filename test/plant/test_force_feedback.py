@@ -135,17 +135,23 @@ def test_force_feedback_5_takes_most_of_it_away_without_chatter(study, rate, del
 
 @pytest.mark.parametrize(("rate", "delay"), LOOPS)
 def test_chatter_sets_in_not_far_above_5(study, rate, delay):
-    assert study(6.0, rate, delay)[1] == 0.0
-    assert study(16.0, rate, delay)[1] > 0.5
+    assert study(9.0, rate, delay)[1] > 0.5
 
 
 @pytest.mark.parametrize(
-    ("loop", "gain", "least", "most"),
-    [(LOOPS[1], 12.0, 0.0, 0.0), (LOOPS[1], 30.0, 0.5, 1.0), (LOOPS[2], 16.0, 0.0, 0.0)],
+    ("support", "loop", "gain", "least", "most"),
+    [
+        (1e7, LOOPS[1], 11.0, 0.0, 0.0),
+        (1e7, LOOPS[1], 30.0, 0.5, 1.0),
+        (1e7, LOOPS[2], 7.0, 0.0, 0.0),
+        (1e7, LOOPS[2], 16.0, 0.5, 1.0),
+        (1e12, LOOPS[2], 16.0, 0.0, 0.0),
+    ],
 )
-def test_without_play_delay_limits_the_gain(study, loop, gain, least, most):
-    assert least <= study(gain, *loop, play=0.0)[1] <= most
+def test_without_play_delay_and_support_limit_the_gain(study, support, loop, gain, least, most):
+    """At 1 kHz mostly the delay, at 2 kHz the screw's axial support."""
+    assert least <= study(gain, *loop, play=0.0, support_stiffness=support)[1] <= most
 
 
-def test_play_is_what_limits_the_gain(study):
-    assert study(12.0)[1] > 0.5
+def test_play_costs_gain(study):
+    assert study(11.0)[1] > 0.5
