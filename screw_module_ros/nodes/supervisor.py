@@ -110,6 +110,7 @@ class SupervisorNode(Node):
             node: Newest(inbox.subscribe(*requested(topic)), age_ns)
             for node, topic in _STATE_TOPICS.items()
         }
+        self._senders = self.senders(*(_STATE_TOPICS[node] for node in self._settings.required))
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
@@ -159,6 +160,8 @@ class SupervisorNode(Node):
         if message is None:
             return NodeReport(seen=False)
         age = (now - newest.arrival_ns) * 1e-9
+        if doubt := self._senders.warnings.get(_STATE_TOPICS[node]):
+            return NodeReport(True, age, error=True, reason=doubt)  # whose state it was is unknown
         if not hasattr(message, "faulted"):  # a sample: its status and the diagnostics show errors
             # An alarm stands until the node itself says otherwise, however long it says nothing.
             alarm = status_problem(getattr(message, "status", 0)) or self._alarms.get(node, "")

@@ -13,7 +13,9 @@ from row import (
     BY_SERVICE,
     CLEAR,
     ENABLE,
+    MODE,
     PERIOD_NS,
+    PLANE_BACK,
     PLANE_CLEAR,
     STOPPED,
     VIA_SUPERVISOR,
@@ -22,7 +24,13 @@ from row import (
     Row,
     goes_on,
 )
-from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
+from screw_module_msgs.msg import (
+    EndpointSetpoint,
+    ForceCommand,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
 from std_srvs.srv import SetBool
 
 from screw_module_ros import graph
@@ -37,6 +45,8 @@ _FOUND_S = 4.0
 repeats its announcements each 3 s, should the first ones be lost."""
 _COUNTED = 100 + AT_ONCE + 4
 """Samples: the amplifier counts the publishers of commands each 0.1 s."""
+_COUNTED_STATE = 100 + 2 * 20 + VIA_SUPERVISOR
+"""Samples: the supervisor counts each 0.1 s, and reads and decides at 50 Hz each."""
 _AMPLIFIER_BACK = (CLEAR, *STOPPED)
 
 
@@ -113,7 +123,28 @@ _PLANE_NAN = published(
     EndpointSetpoint, graph.SETPOINT, 0, 0.005, position__x=math.nan, position__y=math.nan,
     position__z=SPRING[2], velocity__x=math.nan,
 )  # fmt: skip
+_STATES = {  # as a recording that is played in the robot's domain repeats them
+    graph.MANUS_STATE: (PlanarState, {"homed": True, "enabled": True}),
+    graph.CONTROLLER_STATE: (ImpedanceState, {}),
+}
+
+
+def _repeated_state(node: str, topic: str, services) -> Row:
+    """The node dies, and somebody goes on to send its last state: it is not alive."""
+    kind, fields = _STATES[topic]
+    row = _stops(
+        f"{node}-dead-state-repeated",
+        f"{node} killed, while somebody else goes on to publish {topic}",
+        both(published(kind, topic, 0, 0.005, **fields), lambda robot: robot.kill(node)),
+        "supervisor: two nodes publish it", _COUNTED_STATE,
+        Report("supervisor", f"{topic}: one is allowed", node), services,
+    )  # fmt: skip
+    return row._replace(mend=lambda robot: robot.restart(node))
+
+
 ROWS = [
+    _repeated_state("manus", graph.MANUS_STATE, PLANE_BACK),
+    _repeated_state("impedance_controller", graph.CONTROLLER_STATE, (MODE, CLEAR, *STOPPED)),
     _stops("two-controllers", "a second impedance_controller under another name",
            _second_controller, "amplifier", _COUNTED),
     _twin("amplifier"),

@@ -161,20 +161,25 @@ class Senders:
     publishers. It does not report the sender of a message (rclpy's message info has no publisher
     gid), so with two senders neither can be trusted. The service thread counts.
 
-    warning: message when more than one node publishes a topic, else empty. A killed node counts
-    until the middleware drops it, 20 s later.
+    warnings: messages about topics that more than one node publishes, by topic. A killed node
+    counts until the middleware drops it, 20 s later.
     """
 
     def __init__(self, node: Node, timers: Timers, clock: Clock, topics: Iterable[str]):
-        self.warning = ""
+        self.warnings: dict[str, str] = {}
         self._node, self._timers, self._topics = node, timers, tuple(topics)
         self._timer = timers.every(clock, _LOOK_S, self.count)
 
     def count(self) -> str:
         """Count now; return the warning."""
-        warnings = (too_many_senders(self._node, topic) for topic in self._topics)
-        self.warning = next(filter(None, warnings), "")
+        found = {topic: too_many_senders(self._node, topic) for topic in self._topics}
+        self.warnings = {topic: text for topic, text in found.items() if text}
         return self.warning
+
+    @property
+    def warning(self) -> str:
+        """The first message, empty without one."""
+        return next(iter(self.warnings.values()), "")
 
     def close(self) -> None:
         """Stop counting."""
