@@ -40,7 +40,7 @@ OPEN = -1.0
 class SlotLimits(NamedTuple):
     """Limits of every slot.
 
-    The force is the smallest that the thesis requires of an endpoint (2.1.1); the rest is ours.
+    The force is what the thesis requires at the handle in the plane (appendix D); the rest is ours.
     """
 
     force: Annotated[

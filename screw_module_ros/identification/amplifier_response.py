@@ -44,7 +44,7 @@ class Settings(NamedTuple):
     per_decade: Annotated[int, Setting("frequencies per decade", "", 2, 200)] = 40
     amplitude: Annotated[
         float, Setting("amplitude of the command", "A", 0.1, 10.0)
-    ] = 2.2  # thesis: sweep_current
+    ] = 2.2  # ours: that of 4.1.3; 4.1.2 prints none
     cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 2
     shortest: Annotated[float, Setting("least duration of each sine", "s", 0.005, 10.0)] = 0.04
 

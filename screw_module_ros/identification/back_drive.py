@@ -114,7 +114,7 @@ class Settings(NamedTuple):
     ] = 0.2286  # thesis: workspace_depth / 2
     heaviest: Annotated[
         float, Setting("largest inertia allowed in the plane", "kg", 0.1, 100.0)
-    ] = 4.0
+    ] = 4.0  # thesis: d_laden_inertia
 
 
 class Wedge(NamedTuple):

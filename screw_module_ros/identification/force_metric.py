@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-MOTION_THRESHOLD = 0.020  # [m/s] thesis: inertia_least_speed
+MOTION_THRESHOLD = 0.020  # [m/s] ours: as slow as 5.3.2 still uses
 """Below this speed the handle counts as at rest [m/s]."""
 RAPID = 30.0  # [Hz] above it: chatter
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation

@@ -35,7 +35,7 @@ class Settings(NamedTuple):
 
     speed: Annotated[
         float, Setting("of the stage", "m/s", 1e-3, 0.15)
-    ] = 0.020  # thesis: stribeck_speed; the speed of fig 5-8
+    ] = 0.020  # thesis: spectrum_speed
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.2)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.1, 0.36)] = 0.36
 

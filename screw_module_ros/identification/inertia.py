@@ -64,7 +64,7 @@ class Settings(NamedTuple):
     )  # fmt: skip
     centre: Annotated[
         float, Setting("of the oscillation", "m", 0.05, 0.31)
-    ] = 0.18  # thesis: spring_centre
+    ] = 0.18  # ours: the centre of 6.1's spring; 5.3.2 prints none
     duration: Annotated[float, Setting("of a record", "s", 2.0, 120.0)] = 12.0
     arm_mass: Annotated[
         float, Setting("of the hand and arm", "kg", 0.1, 20.0)
