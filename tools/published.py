@@ -125,8 +125,8 @@ def chosen_text(kept: dict[str, Any]) -> str:
     return (
         f"{_prediction(kept)} Neither prediction nor input is an outcome by which a value of the "
         f"plant was chosen: {'; '.join(kept['chosen'])}. Contact and grease film of the play, for "
-        "which the thesis has no value, were chosen so that a gain of 5 runs and chatter begins "
-        "not far above."
+        "which the thesis has no value, were chosen so that on a rigid support a gain of 5 runs "
+        "and chatter begins not far above; they were not chosen again for the axial support."
     )
 
 

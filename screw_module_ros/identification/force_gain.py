@@ -33,8 +33,8 @@ _WITH = (
     "chatter begins: 11 on a rigid support"
 )
 _CHOSEN = (
-    "contact stiffness, contact damping and film damping of the play, so that a gain of 5 runs and "
-    "chatter begins not far above it"
+    "contact stiffness, contact damping and film damping of the play, so that on a rigid support a "
+    "gain of 5 runs and chatter begins not far above it"
 )
 _WITHOUT = (
     "at the thesis's 50 its simulation was not unstable; here the criterion is lasting chatter of "
