@@ -314,10 +314,9 @@ def draw(result: Result) -> Drawn:
               xscale="log")  # fmt: skip
     if any((gains < _SHOWN).any() for key, gains in data.items() if key.startswith("mass_")):
         said = right.text(
-            0.04, 0.1, "triangles: less than 1, or none. The force\n"
-            "that carries the mass lags by its filter and\n"
-            "swings a light arm; the controller carries\nless for one.",
-            transform=right.transAxes, fontsize=8,
+            0.98, 0.97, "triangles: less than 1, or none.\nThe force that carries the mass\n"
+            "lags by its filter and swings a\nlight arm; the controller\ncarries less for one.",
+            transform=right.transAxes, fontsize=8, ha="right", va="top",
         )  # fmt: skip
         said.set_in_layout(False)
     figure.suptitle(
