@@ -30,10 +30,10 @@ from ..plant.planar import (
     ManusInput,
     ManusState,
     PlanarParams,
+    handle_place,
     planar_params,
     planar_step,
     resting_plane,
-    tip,
 )
 from ..plant.sensor import normal_pair, seeded
 from ..plant.settings import WorldSettings
@@ -129,7 +129,8 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         0.0, 0.0, 0.0, forces[0, 0], forces[0, 1],
     )  # fmt: skip
     output = law_step(p.law, s.law[0], inp, p.period)
-    row[0], row[1], row[2], row[3] = tip_motion(p.plant, s.arm)
+    row[0], row[1] = handle_place(p.plant.robot, s.arm)
+    row[2], row[3] = s.arm.handle_vx, s.arm.handle_vy
     row[4], row[5], row[6] = s.arm.force_x, s.arm.force_y, output.share
     arm, palm, felt = s.arm, s.palm, s.felt
     time = s.ticks * p.period
@@ -166,16 +167,6 @@ def counted(angle: float, radian: float) -> float:
     return math.floor(angle / radian) * radian
 
 
-def tip_motion(p: PlanarParams, arm: ManusState) -> tuple[float, float, float, float]:
-    """Return x, y [m], vx, vy [m/s] of the handle."""
-    x, y = tip(p.robot, arm.shoulder, arm.elbow)
-    along_1 = p.robot.upper_arm * arm.shoulder_velocity
-    along_2 = p.robot.forearm * arm.elbow_velocity
-    vx = -along_1 * math.sin(arm.shoulder) - along_2 * math.sin(arm.elbow)
-    vy = along_1 * math.cos(arm.shoulder) + along_2 * math.cos(arm.elbow)
-    return x, y, vx, vy
-
-
 def sampled(p: PlaneParams, s: Felt, arm: ManusState) -> Felt:
     """Return a new force sample, with noise and counts."""
     n1, n2, first, second = normal_pair(s.first, s.second)
@@ -189,13 +180,13 @@ def palm_step(
     speed_y: float,
 ) -> Palm:  # fmt: skip
     """Return the arm behind a soft grip after a substep; hand, speed: of the virtual hand."""
-    x, y, vx, vy = tip_motion(p.plant, arm)
+    x, y = handle_place(p.plant.robot, arm)
     grip, own, dt = p.plant.arm, p.arm, p.plant.dt
     push_x = own.stiffness * (hand_x - s.x) + own.damping * (speed_x - s.vx)
     push_y = own.stiffness * (hand_y - s.y) + own.damping * (speed_y - s.vy)
     if p.attached:
-        push_x -= grip.stiffness * (s.x - x) + grip.damping * (s.vx - vx)
-        push_y -= grip.stiffness * (s.y - y) + grip.damping * (s.vy - vy)
+        push_x -= grip.stiffness * (s.x - x) + grip.damping * (s.vx - arm.handle_vx)
+        push_y -= grip.stiffness * (s.y - y) + grip.damping * (s.vy - arm.handle_vy)
     to_vx, to_vy = s.vx + push_x / own.mass * dt, s.vy + push_y / own.mass * dt
     return Palm(s.x + to_vx * dt, s.y + to_vy * dt, to_vx, to_vy)
 
@@ -208,6 +199,9 @@ def plane_samples(
     seed: of the noise. Raises as `on_progress`, and ValueError for a centre out of reach.
     """
     on_progress(0.0)
+    if trial.structure_stiffness:
+        bent = world.planar._replace(structure_stiffness=trial.structure_stiffness)
+        world = world._replace(planar=bent)
     params = _params(world, trial)
     x, y = trial.centre
     arm = resting_plane(world.planar, x, y)

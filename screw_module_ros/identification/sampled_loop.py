@@ -26,6 +26,7 @@ from ..control.modes import uses_observer
 from ..control.vertical import VerticalInput, initial_state, vertical_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
+from .linearized import STEP, Linear, floats_in, linear_of
 from .trials import Arm
 
 MOST = 100.0
@@ -35,8 +36,6 @@ _STATES = 8
 _AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
 _SETTLE_S = 3.0
 _LEAST = 1e-3  # a gain below it is none
-_STEP = 1e-7  # of a difference; one-sided: a negative mean square is no state of the guard
-_NOTHING = 1e-9  # a smaller entry of a difference is rounding
 
 
 class Mechanism(NamedTuple):
@@ -88,14 +87,11 @@ class Law(NamedTuple):
         return self._replace(settings=self.settings._replace(**{self._name: gain}))
 
 
-Linear = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""A, B, C, D; inputs: height of the nut [m], force [N]; output: command [N]."""
-
-
 @functools.lru_cache(maxsize=8192)  # gain limits ask for 1 200, by the same steps of gain
 def linear_law(law: Law, period: float) -> Linear:
     """Return the law about a handle that is pressed with 5 N, by differences of its step.
 
+    Inputs: height of the nut [m], force [N]; output: command [N].
     Friction model, stiction's dead band and chatter guard, which the linear loop leaves out, are
     off. Only states are kept that the inputs reach and the command depends on.
     """
@@ -109,17 +105,13 @@ def linear_law(law: Law, period: float) -> Linear:
         lowpass_coefficients(law.velocity_cutoff, period),
     )  # fmt: skip
     memory, motion = packed(initial_state(settings)), np.array(velocity_settled(_AT))
-    places = _floats(memory.dtype)
+    places = floats_in(memory.dtype)
     answers = compiled(law_answers)(
         *given, memory, memory.view(np.float64), places, motion, np.array((_AT, -pressed)),
         round(_SETTLE_S / period),
     )  # fmt: skip
-    n = len(places) + len(motion)
-    jacobian = ((answers[1:] - answers[0]) / _STEP).T
-    jacobian[np.abs(jacobian) < _NOTHING] = 0.0
-    a, b, c, d = jacobian[:n, :n], jacobian[:n, n:], jacobian[n, :n], jacobian[n, n:]
-    used = _closure(c != 0.0, a.T) & _closure((b != 0.0).any(axis=1), a)
-    return a[np.ix_(used, used)], b[used], c[used], d
+    a, b, c, d = linear_of(answers, len(places) + len(motion))
+    return a, b, c[0], d[0]
 
 
 @functools.cache
@@ -145,11 +137,11 @@ def law_answers(
         if row >= 0:
             flat[:], moved[:], seen[:] = kept, motion, y
         if 1 <= row <= inner:
-            flat[places[row - 1]] += _STEP
+            flat[places[row - 1]] += STEP
         elif inner < row <= n:
-            moved[row - 1 - inner] += _STEP
+            moved[row - 1 - inner] += STEP
         elif row > n:
-            seen[row - 1 - n] += _STEP
+            seen[row - 1 - n] += STEP
         force = 0.0
         for _ in range(settle if row < 0 else 1):
             state = VelocityState(moved[0], moved[1], moved[2])
@@ -161,26 +153,6 @@ def law_answers(
             kept, motion = flat.copy(), moved.copy()
         else:
             found[row, :inner], found[row, inner:n], found[row, n] = flat[places], moved, force
-    return found
-
-
-def _floats(dtype: np.dtype, begin: int = 0) -> np.ndarray:
-    """Return the numbers of a packed record's floats, counted in steps of eight bytes."""
-    found: list[int] = []
-    for part, offset in ((field[0], field[1]) for field in (dtype.fields or {}).values()):
-        if part.fields:
-            found.extend(_floats(part, begin + offset))
-        elif part.base == np.float64:
-            first = (begin + offset) // 8
-            found.extend(range(first, first + part.itemsize // 8))
-    return np.array(found)
-
-
-def _closure(first: np.ndarray, onward: np.ndarray) -> np.ndarray:
-    """Return what `first` (a mask) leads to; onward[i, j]: j acts on i."""
-    found = first
-    while (more := found | (onward[:, found] != 0.0).any(axis=1)).sum() > found.sum():
-        found = more
     return found
 
 

@@ -10,8 +10,8 @@ slow and small motion, holding and letting go. No mode is calibrated. In process
 hardware.
 
 With `--plane` it is the plane, without and with force feedback: the arm with its set of joint
-inertias, rate, delay, age of the force, counts of the joints, and place and direction of the motion
-in the workspace are drawn as well.
+inertias and the structure that bends, rate, delay, age of the force, counts of the joints, and
+place and direction of the motion in the workspace are drawn as well.
 """
 
 from __future__ import annotations

@@ -193,8 +193,8 @@ class PlanarTrial(NamedTuple):
     the virtual hand in this direction; centre: x, y where the set point stays and the path has its
     zero [m]; duration: of the samples, after 1.5 s at the path's start; first: from when their
     error counts; released_after: time at which the hand lets go [s]; grip: of the hand; loop: of
-    the plane. Its samples have two columns, x and y from the centre, in place of position, velocity
-    and force.
+    the plane; structure_stiffness: between joints and module [N/m], 0 = the rig's own. Its samples
+    have two columns, x and y from the centre, in place of position, velocity and force.
     """
 
     settings: PlanarSettings
@@ -207,6 +207,7 @@ class PlanarTrial(NamedTuple):
     centre: tuple[float, float] = (0.0, 0.0)
     grip: ArmForce = RIGID
     loop: PlaneLoop = PlaneLoop()
+    structure_stiffness: float = 0.0
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial

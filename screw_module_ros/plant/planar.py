@@ -1,11 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MIT-MANUS in the plane, carrying the vertical module at its tip.
+"""MIT-MANUS in the plane, carrying the vertical module on a structure that bends.
 
 Both joint angles are absolute (the motors stand at the base; frame `manus_base`, counter-clockwise
-from +x), so with D = elbow - shoulder the arm's inertia is [[a, c cos D], [c cos D, b]] and a mass
-m at the tip adds m J^T J, of the same form. The base stands beyond the workspace, opposite the
-patient (thesis 1.1). Motor torques, a little joint friction, stops and the
-patient's hand act on it; one substep solves both joint velocities implicitly (backward Euler).
+from +x), so with D = elbow - shoulder the arm's inertia is [[a, c cos D], [c cos D, b]]. The
+base stands beyond the workspace, opposite the patient (thesis 1.1). Motor torques, a little joint
+friction and stops act on the joints, whose encoders see them alone. Links, bearings and flange
+bend: between the joints' tip p(q) and the handle is a spring with a damper, the same in x and y.
+The module's mass m, the handle with its force sensor and the hand's mass m_h lie
+beyond it. With J = dp/dq, the deflection b and the handle's velocity v
+
+    M(q) q'' + c(q, q') = torques + J^T s,    s = k b + d b',    b' = v - J q',
+    (m + m_h) v' = F - s
+
+with F of the hand's spring and damper; the handle stands at p(q) + b. One substep solves all four
+velocities implicitly, so spring and damper only take energy, and a spring as stiff as one likes
+leaves the rigid arm, without another step for it.
 """
 
 from __future__ import annotations
@@ -42,7 +51,13 @@ class Planar(NamedTuple):
     inertia: Annotated[str, Setting("the set of joint inertias", choices=INERTIAS)]
     appendix_d: JointInertia
     inmotion2: JointInertia
-    module_mass: Annotated[float, Setting("vertical module at the tip", "kg", 0.0, 50.0)]
+    module_mass: Annotated[float, Setting("vertical module beyond the spring", "kg", 0.0, 50.0)]
+    structure_stiffness: Annotated[
+        float, Setting("from the joints to the module, in each direction", "N/m", 1e3, 1e13)
+    ]
+    structure_damping_ratio: Annotated[
+        float, Setting("of the module on this spring, joints held", "", 0.0, 1.0)
+    ]
     friction: Annotated[float, Setting("of each joint", "Nm", 0.001, 10.0)]
     viscous: Annotated[float, Setting("of each joint", "Nm s/rad", 0.0, 10.0)]
     bristle_stiffness: Annotated[float, Setting("before slip", "Nm/rad", 1.0, 1e6)]
@@ -74,12 +89,14 @@ class Planar(NamedTuple):
 
 
 class PlanarParams(NamedTuple):
-    """Everything `planar_step` needs; keep: decay of the torque loop over dt [s]."""
+    """Everything `planar_step` needs; keep: decay of the torque loop over dt [s];
+    structure_gain: of the structure's force to its velocity after a substep [N s/m]."""
 
     robot: Planar
     inertia: JointInertia
     arm: ArmForce
     keep: float
+    structure_gain: float
     dt: float
 
 
@@ -103,9 +120,10 @@ class ManusInput(NamedTuple):
 
 
 class ManusState(NamedTuple):
-    """Angles [rad], velocities [rad/s], friction bristles and motor torques [Nm], hand force [N].
+    """Angles [rad], velocities [rad/s], friction bristles and motor torques [Nm] of the joints.
 
-    force_x, force_y: patient on robot.
+    bend_x, bend_y: the handle from the joints' tip [m]; handle_vx, handle_vy: its velocity [m/s];
+    force_x, force_y: patient on robot [N].
     """
 
     shoulder: float
@@ -116,14 +134,26 @@ class ManusState(NamedTuple):
     elbow_bristle: float
     shoulder_torque: float
     elbow_torque: float
+    bend_x: float
+    bend_y: float
+    handle_vx: float
+    handle_vy: float
     force_x: float
     force_y: float
 
 
 def planar_params(robot: Planar, arm: ArmForce, dt: float) -> PlanarParams:
-    """Return the parameters of `planar_step` for substeps of dt [s]."""
+    """Return the parameters of `planar_step` for substeps of dt [s].
+
+    A substep's structure force is k b + g v, with the deflection b before it and the velocity v
+    after it. That is a spring with a damper g, without a damping of the integration's own. From
+    g = k dt / 2 on it never adds energy, and with k dt it is backward Euler, which a spring of any
+    stiffness wants. At 50 us the damper is larger than that up to 3.5e6 N/m with a ratio of 0.02.
+    """
+    stiffness = robot.structure_stiffness
+    damping = 2.0 * robot.structure_damping_ratio * math.sqrt(stiffness * robot.module_mass)
     keep = math.exp(-2.0 * math.pi * robot.bandwidth * dt)
-    return PlanarParams(robot, robot.joint_inertia, arm, keep, dt)
+    return PlanarParams(robot, robot.joint_inertia, arm, keep, max(damping, stiffness * dt), dt)
 
 
 def resting_plane(robot: Planar, x: float, y: float) -> ManusState:
@@ -143,21 +173,41 @@ def resting_plane(robot: Planar, x: float, y: float) -> ManusState:
 
 
 def tip(robot: Planar, shoulder: float, elbow: float) -> tuple[float, float]:
-    """Return the handle's x, y from the workspace centre [m]."""
+    """Return x, y of the joints' tip from the workspace centre [m]: the handle's, if unloaded."""
     return (
         robot.base_x + robot.upper_arm * math.cos(shoulder) + robot.forearm * math.cos(elbow),
         robot.base_y + robot.upper_arm * math.sin(shoulder) + robot.forearm * math.sin(elbow),
     )
 
 
+def handle_place(robot: Planar, s: ManusState) -> tuple[float, float]:
+    """Return x, y of the handle from the workspace centre [m]."""
+    x, y = tip(robot, s.shoulder, s.elbow)
+    return x + s.bend_x, y + s.bend_y
+
+
 class _Hand(NamedTuple):
-    """The hand over one substep: force = steady - gain x velocity at the tip [N], and mass [kg]."""
+    """The hand over one substep: force = steady - gain x velocity of the handle [N], and mass [kg].
+    """
 
     gain_x: float
     gain_y: float
     steady_x: float
     steady_y: float
     mass: float
+
+
+class _Carried(NamedTuple):
+    """Handle and structure over one substep, along one axis.
+
+    The handle's velocity is free + share x that of the joints' tip [m/s]; the joints' tip feels the
+    force steady - gain x its velocity [N].
+    """
+
+    free: float
+    share: float
+    steady: float
+    gain: float
 
 
 class _Joints(NamedTuple):
@@ -187,35 +237,36 @@ def planar_step(p: PlanarParams, s: ManusState, u: ManusInput) -> ManusState:
     cos_2, sin_2 = math.cos(s.elbow), math.sin(s.elbow)
     j11, j12 = -r.upper_arm * sin_1, -r.forearm * sin_2
     j21, j22 = r.upper_arm * cos_1, r.forearm * cos_2
-    hand = _hand_terms(p, u, j21 + j22, -j11 - j12, j11 * w1 + j12 * w2, j21 * w1 + j22 * w2)
+    hand = _hand_terms(p, s, u, j21 + j22, -j11 - j12)
     joints = _joint_terms(p, s, u)
     torque_1 = _motor(p, s.shoulder_torque, u.shoulder_torque, u.shoulder_powered)
     torque_2 = _motor(p, s.elbow_torque, u.elbow_torque, u.elbow_powered)
+    carried = (r.module_mass + hand.mass) / dt
+    along_x = _carried(p, carried, s.handle_vx, s.bend_x, hand.gain_x, hand.steady_x)
+    along_y = _carried(p, carried, s.handle_vy, s.bend_y, hand.gain_y, hand.steady_y)
 
-    mass = r.module_mass + hand.mass
-    m11 = p.inertia.shoulder + mass * r.upper_arm * r.upper_arm
-    m22 = p.inertia.elbow + mass * r.forearm * r.forearm
-    coupled = p.inertia.coupling + mass * r.upper_arm * r.forearm
-    m12 = coupled * (cos_1 * cos_2 + sin_1 * sin_2)
-    turning = coupled * (sin_2 * cos_1 - cos_2 * sin_1)  # centrifugal torques, from sin D
-
-    a11 = m11 / dt + joints.damping_1 + hand.gain_x * j11 * j11 + hand.gain_y * j21 * j21
-    a12 = m12 / dt + hand.gain_x * j11 * j12 + hand.gain_y * j21 * j22
-    a22 = m22 / dt + joints.damping_2 + hand.gain_x * j12 * j12 + hand.gain_y * j22 * j22
-    a11 += joints.between_damping
-    a12 -= joints.between_damping
-    a22 += joints.between_damping
-    b1 = (m11 * w1 + m12 * w2) / dt + turning * w2 * w2 + torque_1 + joints.steady_1
-    b2 = (m12 * w1 + m22 * w2) / dt - turning * w1 * w1 + torque_2 + joints.steady_2
-    b1 += j11 * hand.steady_x + j21 * hand.steady_y - joints.between_steady
-    b2 += j12 * hand.steady_x + j22 * hand.steady_y + joints.between_steady
+    m11, m22, coupling = p.inertia.shoulder, p.inertia.elbow, p.inertia.coupling
+    m12 = coupling * (cos_1 * cos_2 + sin_1 * sin_2)
+    turning = coupling * (sin_2 * cos_1 - cos_2 * sin_1)  # centrifugal torques, from sin D
+    a11 = m11 / dt + joints.damping_1 + joints.between_damping
+    a12 = m12 / dt - joints.between_damping
+    a22 = m22 / dt + joints.damping_2 + joints.between_damping
+    a11 += along_x.gain * j11 * j11 + along_y.gain * j21 * j21
+    a12 += along_x.gain * j11 * j12 + along_y.gain * j21 * j22
+    a22 += along_x.gain * j12 * j12 + along_y.gain * j22 * j22
+    b1 = (m11 * w1 + m12 * w2) / dt + turning * w2 * w2
+    b2 = (m12 * w1 + m22 * w2) / dt - turning * w1 * w1
+    b1 += torque_1 + joints.steady_1 - joints.between_steady
+    b2 += torque_2 + joints.steady_2 + joints.between_steady
+    b1 += j11 * along_x.steady + j21 * along_y.steady
+    b2 += j12 * along_x.steady + j22 * along_y.steady
     determinant = a11 * a22 - a12 * a12
     v1 = (a22 * b1 - a12 * b2) / determinant
     v2 = (a11 * b2 - a12 * b1) / determinant
 
-    d1, d2 = (v1 - w1) / dt, (v2 - w2) / dt
-    acceleration_x = j11 * d1 + j12 * d2 - j21 * w1 * w1 - j22 * w2 * w2
-    acceleration_y = j21 * d1 + j22 * d2 + j11 * w1 * w1 + j12 * w2 * w2
+    tip_x, tip_y = j11 * v1 + j12 * v2, j21 * v1 + j22 * v2
+    vx = along_x.free + along_x.share * tip_x
+    vy = along_y.free + along_y.share * tip_y
     bent_1 = joints.keep_1 * s.shoulder_bristle + joints.slope_1 * v1
     bent_2 = joints.keep_2 * s.elbow_bristle + joints.slope_2 * v2
     return ManusState(
@@ -227,8 +278,33 @@ def planar_step(p: PlanarParams, s: ManusState, u: ManusInput) -> ManusState:
         settled_bristle(bent_2, s.elbow_bristle, r.friction),
         torque_1,
         torque_2,
-        hand.steady_x - hand.gain_x * (j11 * v1 + j12 * v2) - hand.mass * acceleration_x,
-        hand.steady_y - hand.gain_y * (j21 * v1 + j22 * v2) - hand.mass * acceleration_y,
+        s.bend_x + dt * (vx - tip_x),
+        s.bend_y + dt * (vy - tip_y),
+        vx,
+        vy,
+        hand.steady_x - hand.gain_x * vx - hand.mass * (vx - s.handle_vx) / dt,
+        hand.steady_y - hand.gain_y * vy - hand.mass * (vy - s.handle_vy) / dt,
+    )
+
+
+def _carried(
+    p: PlanarParams, inertia: float, velocity: float, bend: float, gain: float, push: float
+) -> _Carried:
+    """Return handle and structure along one axis, after the handle's velocity is eliminated.
+
+    inertia: of module and hand over dt [kg/s]; velocity: of the handle [m/s]; bend [m]; the hand
+    pushes with push - gain x velocity [N].
+    """
+    coupled = p.structure_gain
+    held = inertia + gain  # 0 of a handle without mass that nobody holds: it follows the tip
+    drive = inertia * velocity + push
+    sprung = p.robot.structure_stiffness * bend
+    share = coupled / (held + coupled)
+    return _Carried(
+        (drive - sprung) / (held + coupled),
+        share,
+        share * drive + (1.0 - share) * sprung,
+        share * held,
     )
 
 
@@ -241,15 +317,19 @@ def _motor(p: PlanarParams, torque: float, command: float, powered: bool) -> flo
 
 
 def _hand_terms(
-    p: PlanarParams, u: ManusInput, reach_x: float, reach_y: float, vx: float, vy: float
+    p: PlanarParams, s: ManusState, u: ManusInput, reach_x: float, reach_y: float
 ) -> _Hand:
-    """Return the hand's terms for the tip at reach_x, reach_y from the base [m], velocity v."""
+    """Return the hand's terms, with the joints' tip at reach_x, reach_y from the base [m]."""
     if not u.attached:
         return _Hand(0.0, 0.0, 0.0, 0.0, 0.0)
-    x = p.robot.base_x + reach_x
-    y = p.robot.base_y + reach_y
-    stiffness_x, viscous_x, steady_x = spring_terms(p.arm, u.hand_x, u.hand_velocity_x, x, vx)
-    stiffness_y, viscous_y, steady_y = spring_terms(p.arm, u.hand_y, u.hand_velocity_y, y, vy)
+    x = p.robot.base_x + reach_x + s.bend_x
+    y = p.robot.base_y + reach_y + s.bend_y
+    stiffness_x, viscous_x, steady_x = spring_terms(
+        p.arm, u.hand_x, u.hand_velocity_x, x, s.handle_vx
+    )
+    stiffness_y, viscous_y, steady_y = spring_terms(
+        p.arm, u.hand_y, u.hand_velocity_y, y, s.handle_vy
+    )
     return _Hand(
         stiffness_x * p.dt + viscous_x,
         stiffness_y * p.dt + viscous_y,

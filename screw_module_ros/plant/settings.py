@@ -22,6 +22,8 @@ from .sensor import Sensor
 DEFAULT_FILE = "params/plant.yaml"
 _SUPPORT = (5e6, 4e7)
 """Range of the axial support's stiffness that is drawn [N/m]. Ours: assumed, not in the thesis."""
+_STRUCTURE_STIFFNESS = 5e4, 1e6  # [N/m] ours: no real plane's was found
+_STRUCTURE_DAMPING_RATIO = 0.01, 0.04  # ours: of a bolted frame on ball bearings
 
 
 class Start(NamedTuple):
@@ -105,7 +107,8 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
     bristles, load, slip, warm-up), masses and with them gravity, the motor constant, dead zone and
     delay of the amplifier, play, contact, film, guide and the screw's axial support, noise and
     filter of the transducer. How large the differences of two modules are is ours; the thesis says
-    only that its friction holds for one prototype until it is taken apart (5.1.1).
+    only that its friction holds for one prototype until it is taken apart (5.1.1). The
+    axial support and the structure of the plane have ranges of their own, whatever the file says.
     """
     draw = random.Random(f"plant {seed}")
 
@@ -143,15 +146,26 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
         dead_zone=about(amplifier.dead_zone, 0.3),
         torque_constant=about(amplifier.torque_constant, 0.03),
     )
-    # A separate random stream, so that seeds still draw the earlier values.
+    structure = random.Random(f"plant, structure of the plane, {seed}")
+    planar = settings.planar._replace(
+        structure_stiffness=_between(structure, *_STRUCTURE_STIFFNESS),
+        structure_damping_ratio=_between(structure, *_STRUCTURE_DAMPING_RATIO),
+    )
+    # Separate random streams, so that seeds still draw the earlier values.
     return _less_known(
-        settings._replace(friction=friction, vertical=vertical, amplifier=amplifier),
+        settings._replace(
+            friction=friction, vertical=vertical, amplifier=amplifier, planar=planar
+        ),
         random.Random(f"plant, what nobody measures, {seed}"),
     )
 
 
 def _about(draw: random.Random, value: float, spread: float) -> float:
     return value * math.exp(draw.uniform(-spread, spread))
+
+
+def _between(draw: random.Random, low: float, high: float) -> float:
+    return math.exp(draw.uniform(math.log(low), math.log(high)))
 
 
 def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
@@ -187,7 +201,7 @@ def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
     )
     # Drawn last, so that seeds still draw the earlier values.
     vertical = vertical._replace(
-        support_stiffness=math.exp(draw.uniform(*map(math.log, _SUPPORT))),
+        support_stiffness=_between(draw, *_SUPPORT),
         support_damping_ratio=_about(draw, v.support_damping_ratio, 1.0),
     )
     return settings._replace(

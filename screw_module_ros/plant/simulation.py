@@ -99,10 +99,11 @@ def advance_packed(
         n[15], n[16], n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
     )  # fmt: skip
     planar = ManusState(
-        n[25], n[26], n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34]
+        n[25], n[26], n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34], n[35], n[36], n[37],
+        n[38],
     )  # fmt: skip
     s = SimulationState(
-        int(n[0]), vertical, planar, n[35], n[36], n[37], n[38], n[39], n[40]
+        int(n[0]), vertical, planar, n[39], n[40], n[41], n[42], n[43], n[44]
     )  # fmt: skip
     s = advance(parameters[0], s, vertical_input, planar_input, steps)
     n[0] = s.ticks
@@ -110,7 +111,7 @@ def advance_packed(
         n[_VERTICAL + i] = s.vertical[i]
     for i in range(_HAND - _PLANAR):
         n[_PLANAR + i] = s.planar[i]
-    n[35], n[36], n[37], n[38], n[39], n[40] = s.x, s.y, s.z, s.vx, s.vy, s.vz
+    n[39], n[40], n[41], n[42], n[43], n[44] = s.x, s.y, s.z, s.vx, s.vy, s.vz
 
 
 def numbers_of(s: SimulationState) -> list[float]:

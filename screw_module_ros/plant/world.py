@@ -25,7 +25,7 @@ from .module import (
     vertical_params,
 )
 from .patient import ArmSettings, arm_force, changed_patient, moved_patient, resting_patient
-from .planar import ManusInput, planar_params, resting_plane, tip
+from .planar import ManusInput, handle_place, planar_params, resting_plane
 from .sensor import (
     DRAWS,
     Wrench,
@@ -245,7 +245,7 @@ class World:
             joint_position=(plane.shoulder, plane.elbow),
             joint_velocity=(plane.shoulder_velocity, plane.elbow_velocity),
             joint_torque=self.planar_torque,
-            planar_position=tip(self.settings.planar, plane.shoulder, plane.elbow),
+            planar_position=handle_place(self.settings.planar, plane),
             planar_force=(plane.force_x, plane.force_y),
             simulated_time=state.ticks * self.settings.substep,
             fixture=NAMES[self._fixture.acting],

@@ -39,7 +39,7 @@ from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
-from screw_module_ros.plant.world import World, load_world
+from screw_module_ros.plant.world import World, WorldSettings, load_world
 from screw_module_ros.profiles import (
     DRIVE,
     ENCODER,
@@ -189,11 +189,12 @@ class Bench:
         drive_profile: str = GENERIC_402,
         encoder_profile: str = GENERIC_406,
         sensor_profile: str = NETCANOEM,
+        world: WorldSettings | None = None,
     ):
         name = uuid.uuid4().hex
         self._buses: list[can.BusABC] = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
-        self.world = World(load_world(), seed)
+        self.world = World(world or load_world(), seed)
         self.clock = BenchClock()
         settings = RigSettings(
             command_latency=_COMMAND_DELAY_NS * 1e-9,

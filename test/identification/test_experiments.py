@@ -95,6 +95,8 @@ REFUSED = [
     ("force_error", {"cases": ("smal",)}, "'smal': one of 'slow'"),
     ("planar_error", {"cases": ("fst",)}, "'fst': one of 'slow_x'"),
     ("planar_error", {"kinds": ("all",)}, "'all': one of 'none'"),
+    ("planar_stability", {"stiffnesses": (10.0,)}, "stiffnesses.* = 10"),
+    ("planar_stability", {"gains": (40.0,)}, "gains.* = 40"),
     ("robustness", {}, "gravity is missing"),
     ("robustness", {"modes": (9,)}, "= 9: one of 0"),
     ("robustness", {"states": ("new",)}, "'new': one of 'uncalibrated'"),

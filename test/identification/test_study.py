@@ -90,9 +90,11 @@ def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
 
 @pytest.mark.usefixtures("in_a_thread")
 def test_the_plane_has_a_table_of_its_own(tmp_path):
-    text, found = studied(tmp_path, "--plane", "--case", "fast_x")
+    """Rig 2, with 3.5e5 N/m and the lighter arm, bears the gain; rig 1, with 1.4e5 N/m, not."""
+    text, found = studied(tmp_path, "--plane", "--case", "fast_x", "--first-seed", "2")
     assert "no feedback" in text and "study --plane" in text
     assert found["fast_x"]["rms"]["1"][0] < 0.3 * found["fast_x"]["rms"]["0"][0]
+    assert study.measured_plane("A", 1, 1, "fast_x")["share"] == 0.0
     words = ["--plane", "--folder", str(tmp_path), "--case", "obstacle, not felt"]
     assert CliRunner().invoke(study.study, words).exit_code == 2
 

@@ -134,6 +134,8 @@ def test_perturbing_reaches_what_is_calibrated_and_not_too_far(settings, place):
         "friction.wave",
         "friction.against.trend",
         "amplifier.delay",
+        "planar.structure_stiffness",
+        "planar.structure_damping_ratio",
         "sensor.force_noise",
         "sensor.bandwidth",
     ],

@@ -216,6 +216,20 @@ def test_handle_is_carried_to_where_the_fixture_starts(settings):
     assert max(abs(b - a) for a, b in zip(places, places[1:], strict=False)) <= 1e-4 + 1e-12
 
 
+def test_the_plane_bends_between_its_encoders_and_the_handle(settings):
+    """A hand pulls while friction holds the joints: the truth is the handle's, the counts stay."""
+    firm = settings.planar._replace(friction=10.0, bristle_stiffness=1e6)
+    world = World(settings._replace(planar=firm))
+    before, counts = world.truth(), world.planar_counts
+    world.set_arm(ArmSettings(stiffness=300.0, target=(0.03, 0.0, 0.25), duration=0.5))
+    world.advance(3.0)
+    truth = world.truth()
+    moved = [b - a for a, b in zip(before.planar_position, truth.planar_position, strict=True)]
+    assert truth.planar_force == pytest.approx((9.0, 0.0), abs=0.05)
+    assert moved == pytest.approx([9.0 / 2e5, 0.0], abs=0.1 * 9.0 / 2e5)
+    assert world.planar_counts == counts
+
+
 def test_placed_patient_holds_still(settings):
     world = World(settings)
     world.set_fixture("human_arm", position=0.31)
