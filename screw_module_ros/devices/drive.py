@@ -25,6 +25,8 @@ from .drive_reports import DriveReports
 from .drive_settings import DriveSettings, adapted, cross_checked, waived_guards
 from .errors import BusError, DeviceError, NotNow
 
+_MODE_EVERY = 16
+"""Writes between two looks at how old the drive's mode is."""
 _UNHEARD_NS = 200_000_000
 """Without a statusword for this long a drive may have booted; its boot-up may have been lost."""
 
@@ -143,7 +145,7 @@ class Drive(DriveReports):
 
     def heartbeat(self, now_ns: int) -> None:
         """Send our heartbeat when due. now_ns: CLOCK_MONOTONIC [ns]. Raises BusError."""
-        if self._armed:
+        if self.running and self._was_armed:  # as `_armed`, without its call
             self.beat.beat(now_ns)
 
     def is_on(self, now_ns: int) -> bool:
@@ -171,8 +173,8 @@ class Drive(DriveReports):
             state = self.state(now_ns)
             self._check_silence(now_ns)
         self._check_torque(state, now_ns)
-        if logic.enabling and (wrong := self.wrong_mode(now_ns)):
-            logic.latch(wrong)
+        if not self.counters["writes"] % _MODE_EVERY:  # another mode is latched as it is heard
+            self.check_mode(now_ns)
         beat_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
         controlword = logic.step(
             state, self.shown, beat_ns if self._expects_heartbeat else None, self.nmt, now_ns

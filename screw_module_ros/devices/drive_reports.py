@@ -96,6 +96,11 @@ class DriveReports(CanopenDevice):
             )
         return ""
 
+    def check_mode(self, now_ns: int) -> None:
+        """Latch a mode that is wrong, or that was not heard of for too long, while enabled."""
+        if self.logic.enabling and (wrong := self.wrong_mode(now_ns)):
+            self.logic.latch(wrong)
+
     def expect(self, found: setup.DriveSetup) -> None:
         """Take over mode and rating; the position restarts: it may have been switched off."""
         self._setup = found
@@ -152,6 +157,7 @@ class DriveReports(CanopenDevice):
         values = layout.unpack_from(data)
         self._reported.note(dict(zip(self._setup.slow, values, strict=True)), arrival_ns)
         self.logic.explain(_described(self.error_code))
+        self.check_mode(arrival_ns)
 
     def poll_due(self, now_ns: int) -> bool:
         """Return whether `poll_slow` has something to ask for."""
@@ -164,6 +170,7 @@ class DriveReports(CanopenDevice):
         if not self._reported.ask(self.sdo, self._port.clock.now_ns(), _ASKED_AFTER_NS):
             self.counters["slow_polls_failed"] += 1
         self.logic.explain(_described(self.error_code))
+        self.check_mode(self._port.clock.now_ns())
 
     def _on_sync(self, _data: bytes, _arrival_ns: int) -> None:
         self._syncs_owed += 1

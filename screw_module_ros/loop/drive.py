@@ -210,7 +210,8 @@ class VerticalDrive:
         accepted = newer and not implausible
         if accepted:
             self._mode = mode
-            self._follow(activation)
+            if activation != self._activation:
+                self._follow(activation)
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
             self._write(0.0, now_ns)
@@ -226,12 +227,12 @@ class VerticalDrive:
             self._write(self._force, now_ns)
 
     def _follow(self, activation: int) -> None:
-        """Latch a fault when another activation of the controller commands than the gate knows.
+        """Follow another activation of the controller; while the gate is open, that is a fault.
 
         A controller that begins anew starts from where the hand is, without the ramp of an opening
         gate, and nobody has asked for its torque.
         """
-        if self.permit.phase != CLOSED and activation != self._activation:
+        if self.permit.phase != CLOSED:
             self.permit.fault.set(
                 "force command: the controller was activated anew while the torque was on"
             )

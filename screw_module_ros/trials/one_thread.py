@@ -56,6 +56,7 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 
 PERIOD_NS = 1_000_000
 BUSES = ("encoder", "drive", "force_sensor", "planar")
+_POLL_TICKS = 100  # between two looks at what the drive has to be asked for
 _COMMAND_DELAY_NS = 250_000
 _START_NS = 1_000_000_000_000
 
@@ -342,7 +343,8 @@ class Bench:
         """Run `count` ticks; return their rows. The drive is asked for what it does not report."""
         end = len(self.rows) + count
         while len(self.rows) < end:
-            if self.drive.poll_due(self.now_ns):
+            look = len(self.rows) % _POLL_TICKS == 0
+            if look and self.drive.poll_due(self.now_ns):
                 self.poll_slow()
             else:
                 self.tick()
