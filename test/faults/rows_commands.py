@@ -95,7 +95,8 @@ def _state(topic: str, kind: type, what: str, who: str, report: Report | None, *
     name, text = f"{topic}-{what}", f"{what} on {topic}, from a foreign sender"
     if report is None:
         return _goes_on(name=_name(name), fault=text, act=act, who=who, mend=row.nothing)
-    limits = (_COUNTED, _COUNTED) if supervisors else ()
+    counted = supervisors or topic == graph.MANUS_STATE
+    limits = (_COUNTED, _COUNTED) if counted else ()
     return _stops(name, text, act, who, report, *limits)
 
 
@@ -117,7 +118,9 @@ ROWS = [
            Report("supervisor", "amplifier: smoke", "amplifier: smoke"), faulted=True,
            reason="smoke"),
     _state(graph.MANUS_STATE, PlanarState, "NaN as position",
-           "no controller or driver subscribes to it", None, enabled=True, position=[_NAN, _NAN]),
+           "supervisor: two nodes publish it",
+           Report("supervisor", "nodes publish manus/state", "manus"), enabled=True,
+           position=[_NAN, _NAN]),
     _state(graph.ENDPOINT_STATE, EndpointState, "NaN as position", "only games subscribe to it",
            None, position__x=_NAN, position__z=_INF),
     _state(graph.SAFETY_STATE, SafetyState, "a level that does not exist",
