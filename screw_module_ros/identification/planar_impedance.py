@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Delivered impedance of the plane with and without force feedback (thesis appendix D).
 
-As `delivered_impedance` does for the vertical: a firm hand moves the handle in sines, here along
-four directions, and the ratio of its force to the handle's velocity along the direction is the
-impedance there. The law is the shipped one with its guard, which may take the gain of the feedback
-back; what then is left of it is told. Appendix D asks for inertia and friction at the handle, and
-for an impedance that is mainly viscous up to 7 Hz.
+As `delivered_impedance` does for the vertical: a hand moves the handle in sines, here along four
+directions, and the ratio of its force to the handle's velocity along the direction is the impedance
+there. The law is the studied one with its guard, which takes the gain of the feedback back where it
+oscillates; what is left of it is told. That depends on hand and structure, so a firm hand and the
+arm of thesis 6.4.3 do it, and the arm on a stiff structure too. Appendix D asks for inertia and
+friction at the handle, and for an impedance that is mainly viscous up to 7 Hz.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from . import planar_error
 from .figures import COLOURS, DESIRED, panels
 from .force_metric import apparent_mass, first_harmonic, friction_felt
 from .lab import Lab, Part
-from .planar_error import KINDS
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
@@ -34,7 +34,27 @@ _CYCLES = 6
 HAND_HZ = 2.0
 """Up to here a hand moves in therapy, and the inertia counts [Hz]."""
 _LARGEST = 0.04  # amplitude of a sine [m]
-_WORDS = {"none": "without force feedback", "feedback": "with force feedback"}
+STIFF = 1e6
+"""The stiffest structure that a rig is drawn with [N/m]."""
+
+
+class Case(NamedTuple):
+    """One way to measure. text; kind: as in `planar_error`; arm; structure: 0 = the rig's [N/m]."""
+
+    text: str
+    kind: str
+    arm: Arm
+    structure: float = 0.0
+
+
+CASES = {
+    "none": Case("without force feedback", "none", _FIRM),
+    "feedback": Case("with force feedback, an arm of 3 kg", "feedback", Arm()),
+    "firm": Case("with force feedback, a firm hand", "feedback", _FIRM),
+    "stiff": Case(f"with force feedback, an arm of 3 kg, a structure of {STIFF:g} N/m", "feedback",
+                  Arm(), STIFF),
+}  # fmt: skip
+"""A firm hand follows every sine, an arm those of a hand's motion."""
 
 
 class Settings(NamedTuple):
@@ -52,30 +72,41 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure every direction with and without feedback.
+    """Measure every direction in every case.
 
-    Data: `frequencies` [Hz] and per kind `resistance` and `reactance` [Ns/m], one row for each of
-    `DIRECTIONS`. Raises ValueError without a frequency of a hand, Cancelled, NotPossible.
+    Data: `frequencies` [Hz] and per case `resistance` and `reactance` [Ns/m], one row for each of
+    `DIRECTIONS`, NaN where not measured. Raises ValueError without a frequency of a hand, or if the
+    handle follows none, Cancelled, NotPossible.
     """
     if not min(settings.frequencies, default=math.inf) <= HAND_HZ:
         raise ValueError(f"frequencies: none is {HAND_HZ:g} Hz or less, where the inertia counts")
     trials = {
-        f"{kind}_{name.split()[0]}_{frequency:g}": _trial(settings, kind, direction, frequency)
-        for kind in KINDS
+        f"{case}_{name.split()[0]}_{frequency:g}": _trial(settings, case, direction, frequency)
+        for case in CASES
         for name, direction in DIRECTIONS.items()
         for frequency in settings.frequencies
+        if CASES[case].arm == _FIRM or frequency <= HAND_HZ
     }
-    parts = iter(lab.record(NAME, trials, reduced).values())
-    shape = len(KINDS), len(DIRECTIONS), len(settings.frequencies)
-    found = [next(parts) for _ in range(math.prod(shape))]
-    impedances = np.array([complex(part["impedance"]) for part in found]).reshape(shape)
-    shares = np.array([float(part["share"]) for part in found]).reshape(shape)
+    parts = lab.record(NAME, trials, reduced)
     data = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
-    for kind, z, share in zip(KINDS, impedances, shares, strict=True):
-        data[f"resistance_{kind}"], data[f"reactance_{kind}"] = z.real, z.imag
-        quantities += _fitted(settings, kind, z, share)
+    for case in CASES:
+        found = np.array([
+            [_found(parts.get(f"{case}_{name.split()[0]}_{frequency:g}"))
+             for frequency in settings.frequencies]
+            for name in DIRECTIONS
+        ])  # fmt: skip
+        z, speeds, shares = found[..., 0], found[..., 1].real, found[..., 2].real
+        data[f"resistance_{case}"], data[f"reactance_{case}"] = z.real, z.imag
+        quantities += _fitted(settings, case, z, speeds, shares)
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+
+
+def _found(part: Part | None) -> list[complex]:
+    """Return impedance, speed and share of a trial, NaN where there was none."""
+    if part is None:
+        return [complex(math.nan, math.nan)] * 3
+    return [complex(part[name]) for name in ("impedance", "speed", "share")]
 
 
 _NOTES = (
@@ -87,6 +118,7 @@ _NOTES = (
     "At 4 Hz and above the resistance has two more parts. Across the direction arm and module "
     "swing on the hand's 4000 N/m, which takes energy from the motion along it. With feedback the "
     "guard takes a fast sine for an oscillation: a damper of its own, and less gain.",
+    "In the figure: 0, 45, 90 and 135 degrees solid, dashed, dotted, and dotted and dashed.",
     "500 samples per second and 0.7 ms from a sample to its torque, as in `planar_error`.",
 )
 
@@ -97,77 +129,89 @@ def _sine(settings: Settings, frequency: float) -> tuple[float, float]:
     return min(_LARGEST, settings.speed / omega, settings.acceleration / omega**2), omega
 
 
-def _trial(settings: Settings, kind: str, direction: float, frequency: float) -> PlanarTrial:
+def _trial(settings: Settings, case: str, direction: float, frequency: float) -> PlanarTrial:
     amplitude, omega = _sine(settings, frequency)
+    _, kind, arm, structure = CASES[case]
     law = planar_error.law_of(planar_error.Settings(damping=settings.damping), kind)
     return PlanarTrial(
-        law._replace(stiffness=settings.stiffness), arm=_FIRM, direction=direction,
+        law._replace(stiffness=settings.stiffness), arm=arm, direction=direction,
+        structure_stiffness=structure,
         path=HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, 0.0),
         duration=(2 + _CYCLES) / frequency + 0.5,
     )  # fmt: skip
 
 
 def reduced(trial: PlanarTrial, samples: Samples) -> Part:
-    """Return the impedance along the direction [Ns/m], and the mean share of the gain left.
+    """Return the impedance along the direction [Ns/m], the speed's amplitude and the gain's share.
 
-    Both over the last cycles: the hand begins its sine with a jolt, and the guard acts on that.
+    All over the last cycles: the hand begins its sine with a jolt, and the guard acts on that.
     """
     along = np.array([math.cos(trial.direction), math.sin(trial.direction)])
-    position, _, force = samples.felt
+    position, velocity, force = samples.felt
     found = first_harmonic(
         samples.time, position @ along, force @ along, trial.path.omega, _CYCLES
     )
     last = samples.time >= samples.time[-1] - 2.0 * math.pi * _CYCLES / trial.path.omega
-    return {"impedance": np.array(found), "share": np.array(samples.share[last].mean())}
+    return {
+        "impedance": np.array(found),
+        "speed": np.sqrt(2.0 * np.mean((velocity[last] @ along) ** 2)),
+        "share": np.array(samples.share[last].mean()),
+    }
 
 
 def _fitted(
-    settings: Settings, kind: str, z: np.ndarray, shares: np.ndarray
+    settings: Settings, case: str, z: np.ndarray, speeds: np.ndarray, shares: np.ndarray
 ) -> list[Quantity]:
-    """Return inertia, friction and viscous range of a kind.
+    """Return inertia, friction and, of a firm hand, the viscous range of a case.
 
-    z, shares: impedances [Ns/m] and mean shares of the gain, by direction and frequency.
+    z, speeds, shares: impedances [Ns/m], amplitudes of the velocity [m/s] and mean shares of the
+    gain, by direction and frequency.
     """
     frequencies = np.array(settings.frequencies)
     handled = frequencies <= HAND_HZ
     slow = int(np.argmin(frequencies))
-    speed = math.prod(_sine(settings, settings.frequencies[slow]))
     masses = apparent_mass(z.imag, frequencies, settings.stiffness)
-    inertia = masses[:, handled].mean(axis=1)
-    friction = np.array(
-        [friction_felt(float(one), settings.damping, speed) for one in z.real[:, slow]]
-    )
+    if not np.isfinite(masses[:, handled]).any(axis=1).all():
+        raise ValueError(f"{CASES[case].text}: the handle followed no sine in some direction")
+    inertia = np.nanmean(masses[:, handled], axis=1)
+    friction = np.array([
+        friction_felt(float(one), settings.damping, float(speed))
+        for one, speed in zip(z.real[:, slow], speeds[:, slow], strict=True)
+    ])  # fmt: skip
     inertial = np.abs(2.0 * np.pi * frequencies * masses)
     viscous = (z.real > inertial).all(axis=0)
     order = np.argsort(frequencies)
     held = np.logical_and.accumulate(viscous[order])
     upto = float(frequencies[order][held].max()) if held.any() else 0.0
-    text = _WORDS[kind]
+    text = CASES[case].text
 
     def of(name: str, value: float, unit: str, what: str) -> Quantity:
-        return Quantity(f"{name}_{kind}", float(value), math.nan, unit, f"{what}, {text}")
+        return Quantity(f"{name}_{case}", float(value), math.nan, unit, f"{what}, {text}")
 
-    return [
+    found = [
         of("inertia_most", inertia.max(), "kg", "inertia in the heaviest direction"),
         of("inertia_least", inertia.min(), "kg", "inertia in the lightest direction"),
         of("friction_most", friction.max(), "N", "friction felt in the stiffest direction"),
         of("friction_least", friction.min(), "N", "friction felt in the easiest direction"),
-        of("viscous_to", upto, "Hz", "largest frequency of the sines up to which it is viscous"),
-        of("share", shares[:, handled].min(), "",
+        of("share", np.nanmin(shares[:, handled]), "",
            f"least share of the force gain that the guard left at {HAND_HZ:g} Hz and below"),
     ]  # fmt: skip
+    if CASES[case].arm == _FIRM:
+        what = "largest frequency of the sines up to which it is viscous"
+        found.append(of("viscous_to", upto, "Hz", what))
+    return found
 
 
 def draw(result: Result) -> Drawn:
     """Draw resistance and inertia of every direction over the frequency."""
     frequencies = result.data["frequencies"]
-    figure, (left, right) = panels(1, 2, (9.0, 4.2))
-    for kind, dash in (("none", "-"), ("feedback", "--")):
-        resistance, reactance = result.data[f"resistance_{kind}"], result.data[f"reactance_{kind}"]
+    figure, (left, right) = panels(1, 2, (9.0, 4.6))
+    for (case, (text, *_)), colour in zip(CASES.items(), COLOURS, strict=False):
+        resistance, reactance = result.data[f"resistance_{case}"], result.data[f"reactance_{case}"]
         masses = apparent_mass(reactance, frequencies, result.settings["stiffness"])
-        for number, (name, colour) in enumerate(zip(DIRECTIONS, COLOURS, strict=False)):
+        for number, dash in enumerate(("-", "--", ":", "-.")):
             line = {"marker": "o", "markersize": 3.0, "color": colour, "linestyle": dash}
-            left.plot(frequencies, resistance[number], **line, label=f"{name}, {_WORDS[kind]}")
+            left.plot(frequencies, resistance[number], **line, label="" if number else text)
             right.plot(frequencies, masses[number], **line)
     for axes in (left, right):
         axes.set(xscale="log", xlabel="frequency [Hz]")
@@ -177,7 +221,7 @@ def draw(result: Result) -> Drawn:
     right.axhline(0.0, color=DESIRED, linewidth=0.8)
     left.set_title("Resistance Re Z, friction included [Ns/m]")
     right.set_title("Inertia from Im Z, spring taken off [kg]")
-    figure.legend(loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=1)
     return {"planar impedance": figure}
 
 

@@ -40,8 +40,13 @@ VERTICAL = {
     f"mode_{mode}": name.lower() for mode, name in MODE_NAMES.items() if mode != OFF
 }
 """Ways to run the vertical -> name in the results of `delivered_impedance`."""
-PLANE = {"without_feedback": "none", "with_feedback": "feedback"}
-"""Ways to run the plane -> kind in the results of `planar_impedance`."""
+PLANE = {
+    "without_feedback": "none",
+    "with_feedback_and_an_arm": "feedback",
+    "with_feedback_and_a_firm_hand": "firm",
+    "with_feedback_on_a_stiff_structure": "stiff",
+}
+"""Ways to run the plane -> case in the results of `planar_impedance`."""
 _MACHINE = "machine"  # the one way where there is no choice
 THESIS = {"design_factor_machine": Published("laden_design_factor", 0.05)}
 _MAPPED = np.linspace(0.0, 0.355, 143)  # [m] heights of the friction maps (thesis 5.2.4)
@@ -152,6 +157,7 @@ REQUIREMENTS = {
         "inertia at the handle in the plane, with the module, heaviest direction", "kg",
         "not measured; 4/3 kg and 5.5 kg by design (D, 2.2.4)", "d_laden_inertia",
         built=figure("d_planar_inertia", 1) + figure("module_weight_estimate"),
+        why="with feedback it returns where the guard takes the gain back (`planar_impedance`)",
     ),
     "plane_friction": Requirement(
         "friction at the handle in the plane, stiffest direction", "N", "not measured",
@@ -366,15 +372,16 @@ def sentences(result: Result) -> tuple[str, ...]:
         f"{' and '.join(quick) or 'none'} of those with a value keeps that inertia."
     )
     plane = table["plane_inertia"]
-    parts = ", and ".join(
+    parts = "; ".join(
         f"{mass:.2g} kg {way.replace('_', ' ').replace('feedback', 'force feedback')}, "
         f"which {'meets' if plane.wanted.met(mass) else 'misses'} it"
         for way, mass in plane.found.items()
     )
     return (
         vertical,
-        f"In the plane it asks for at most {plane.wanted.bound:g} kg with the module: the hand "
-        f"moves {parts}.",
+        f"In the plane it asks for at most {plane.wanted.bound:g} kg with the module. The hand "
+        f"moves {parts}. Where feedback leaves much of the mass, the guard has taken its gain "
+        "back: the structure under the module bends, and the loop would oscillate on it.",
     )
 
 
@@ -394,8 +401,8 @@ def draw(result: Result) -> Drawn:
              title="What was asked, and what is there: left of the line meets it")  # fmt: skip
     labels = [re.sub(", .*est direction", "", wanted.text) for _, wanted, _ in drawn]
     axes.set_yticks(range(len(drawn)), labels, fontsize=8)
-    for mark, text in (("$1$", "modes 1 to 5"), ("o", "without feedback, or the machine"),
-                       ("s", "with feedback")):  # fmt: skip
+    shapes = {"$1$": "modes 1 to 5", "o": "without feedback, or the machine"}
+    for mark, text in {**shapes, **{_mark(w): w.replace("_", " ") for w in [*PLANE][1:]}}.items():
         axes.plot([], [], marker=mark, color=DESIRED, label=text, **point)
     axes.plot([], [], color=DESIRED, label=f"thesis ({CREDIT})", **_THESIS_MARK)
     sheet.legend(loc="outside lower center", ncols=2)
@@ -408,7 +415,9 @@ _THESIS_MARK: dict[str, Any] = {
 
 
 def _mark(way: str) -> str:
-    return f"${way[-1]}$" if way in VERTICAL else {"with_feedback": "s"}.get(way, "o")
+    if way in VERTICAL:
+        return f"${way[-1]}$"
+    return dict(zip(PLANE, "os^v", strict=True)).get(way, "o")
 
 
 def _over(wanted: Requirement, value: float) -> float:

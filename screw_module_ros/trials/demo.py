@@ -329,7 +329,7 @@ def evaluated(
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
     title = f"Simulated patient, vertical module; a damper of {COMMANDED.damping:g} Ns/m"
     told = [
-        one._replace(name=f"{one.name}: {offset.mean:.1f} N from the spring in motion")
+        one._replace(name=f"{one.name}: {offset.mean:.1f} N off, moving")
         for one, offset in zip(traces, found, strict=True)
     ]
     drawn = {
