@@ -67,7 +67,7 @@ KINDS = {kind.name: kind for kind in (
     Kind("bus_off", "its CAN controller goes bus-off, later back"),
     Kind("mute", "it sends nothing, later it sends again"),
     Kind("truncate", "every frame loses its last byte"),
-    Kind("lengthen", "every frame grows by a byte"),
+    Kind("lengthen", "every frame grows by a byte", GOES_ON, watch=0.3),
     Kind("wrong_id", "frames carry a foreign identifier"),
     Kind("garbage", "payloads are random"),
     Kind("delay", "frames come 500 ms late", OFF, 500.0),
@@ -115,13 +115,15 @@ DEVICES = (
            ("cable_out",)),
 )  # fmt: skip
 _PLANAR = ("shoulder", "elbow")
+_NOT_OURS = "no node: not our frames"
 
 
 def _row(device: Device, kind: Kind) -> Row:
     name, text = f"{device.name}-{kind.name}", f"{device.name}: {kind.text}"
     inject, mend = fault(device.name, kind.fault, kind.value), cured(device.name)
     if kind.outcome == GOES_ON:
-        return goes_on(name, GROUP, text, inject, "no node: not our frames", mend, watch=kind.watch)
+        who = "its node takes the mapped bytes" if kind.fault == "lengthen" else _NOT_OURS
+        return goes_on(name, GROUP, text, inject, who, mend, watch=kind.watch)
     report = device.garbage if kind.fault == "garbage" else device.report
     # A drive without commands drops its own torque; the other axes follow.
     vertical, plane = within = device.within, device.within + VIA_SUPERVISOR
