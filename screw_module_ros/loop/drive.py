@@ -89,7 +89,7 @@ class VerticalDrive:
         self._laws, self._excitation = chain, excitation_chain(chain)
         self._prepared = self._chain = chain
         self._mode = OFF
-        self._activation = 0
+        self._activation = self._opened_for = 0
         self._phase = CLOSED
         self._force = self._followed = 0.0
         self._heat = heat
@@ -209,9 +209,7 @@ class VerticalDrive:
             self._commands.restart()
         accepted = newer and not implausible
         if accepted:
-            self._mode = mode
-            if activation != self._activation:
-                self._follow(activation)
+            self._mode, self._activation = mode, activation
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
             self._write(0.0, now_ns)
@@ -226,31 +224,28 @@ class VerticalDrive:
         if now_ns - self._written_ns >= 2 * self._period_ns:
             self._write(self._force, now_ns)
 
-    def _follow(self, activation: int) -> None:
-        """Follow another activation of the controller; while the gate is open, that is a fault.
+    def _fits_the_gate(self) -> bool:
+        """Latch a fault when the gate was opened for another mode, or for another controller.
 
-        A controller that begins anew starts from where the hand is, without the ramp of an opening
+        A controller that is activated anew begins where the hand is, without the ramp of an opening
         gate, and nobody has asked for its torque.
         """
-        if self.permit.phase != CLOSED:
-            self.permit.fault.set(
-                "force command: the controller was activated anew while the torque was on"
-            )
-        self._activation = activation
-
-    def _fits_the_gate(self) -> bool:
-        """Latch a fault when the mode is another than that for which the gate was opened."""
         if self._phase == CLOSED:
             return True
         excites = self._chain is self._excitation
-        if excites == (self._mode == EXCITATION):
-            return True
-        opened = "for mode EXCITATION" if excites else "for the laws"
-        self.permit.fault.set(
-            f"force command: mode {ALL_NAMES.get(self._mode, self._mode)}, the torque was enabled "
-            f"{opened}: disable before the mode changes"
-        )
-        return False
+        if excites != (self._mode == EXCITATION):
+            opened = "for mode EXCITATION" if excites else "for the laws"
+            self.permit.fault.set(
+                f"force command: mode {ALL_NAMES.get(self._mode, self._mode)}, the torque was "
+                f"enabled {opened}: disable before the mode changes"
+            )
+            return False
+        if self._activation != self._opened_for:
+            self.permit.fault.set(
+                "force command: the controller was activated anew while the torque was on"
+            )
+            return False
+        return True
 
     def _write(self, force: float, now_ns: int) -> None:
         self._force = force = force if self._fits_the_gate() else 0.0
@@ -258,7 +253,7 @@ class VerticalDrive:
         if self.permit.phase == CLOSED:
             self._chain = self._laws
         elif self._phase == CLOSED:
-            self._chain = self._prepared
+            self._chain, self._opened_for = self._prepared, self._activation
         self._phase = self.permit.phase
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
