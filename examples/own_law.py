@@ -6,7 +6,8 @@ from math import pi
 from screw_module_ros.plant.patient import ArmSettings
 from screw_module_ros.plant.world import World, load_world
 
-STIFFNESS, DAMPING, MIDDLE, WEIGHT, GAIN = 100.0, 5.0, 0.18, 10.0, 5.0  # N/m, Ns/m, m, N
+STIFFNESS, DAMPING, MIDDLE, WEIGHT = 100.0, 5.0, 0.18, 10.0  # N/m, Ns/m, m, N
+GAIN = 4.0  # of the hand's force; with the thesis's 5 this module chatters where no guard watches
 CUTOFF = 30.0  # of the force filter [Hz]
 TICK, FORCE_TO_CURRENT = 1e-3, 0.01905 / (2 * pi) / 0.16  # [s]; lead [m], Nm/A
 MOVES = ArmSettings("active", target=(0.0, 0.0, MIDDLE), amplitude=(0, 0, 0.05), omega=(0, 0, 2.0),

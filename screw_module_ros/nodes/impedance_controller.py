@@ -182,6 +182,7 @@ class ImpedanceControllerNode(Node):
     def begin(self) -> None:
         """Start with zero force and the set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
+        self._activations += 1  # a new process takes longer than the gate waits for a command
         self.part = VerticalController(
             self._friction.law(self.parameters.read(VerticalSettings).validated()),
             self._friction.model,
@@ -190,7 +191,7 @@ class ImpedanceControllerNode(Node):
             self._period_ns,
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
-            self._next_activation(),
+            self._activations,
         )
         self._resets: int | None = None  # as the supervisor counts them
         self._state_message.success_rate = self.part.meter.success_rate
@@ -203,14 +204,6 @@ class ImpedanceControllerNode(Node):
             publish_controller_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
-
-    def _next_activation(self) -> int:
-        """Return a number that neither this node nor the one before it has had of late.
-
-        Its time tells it from another process's, its count from one at the same time.
-        """
-        self._activations += 1
-        return (self.clock.now_ns() // 1000 + self._activations) & 0xFFFFFFFF
 
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""

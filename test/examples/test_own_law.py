@@ -16,7 +16,7 @@ def _example():
 
 
 def test_force_feedback_makes_the_patient_feel_less_of_the_screw():
-    """The thesis's gain of 5 leaves a sixth of the friction (eq 6.8)."""
+    """A gain of 4 leaves a fifth of the friction (eq 6.8)."""
     example = _example()
 
     def plain(position, velocity, hand):
