@@ -91,6 +91,8 @@ class LoopSettings(NamedTuple):
     ] = 30.0  # thesis: velocity_cutoff
     force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
     torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
+    # ours: 12 bit over +-10 V; the thesis prints no resolution of its A/D card (4.1.2)
+    volt_counts: Annotated[float, Setting("of the A/D card", "1/V", 1.0, 1e6)] = 204.8
 
 
 class InProcessBench:
@@ -229,6 +231,7 @@ class InProcessBench:
             stage_speed=0.0,
             stage_target=0.0,
             counts=w.start.counts_per_turn,
+            volt_counts=loop.volt_counts,
         )
         return asked_for(quiet, trial, self._thesis)
 

@@ -49,7 +49,7 @@ THESIS = {
     "gravity": Published("weight", 0.53, given_to_plant=True),
     "double_weight": Published("double_weight", 2.1, given_to_plant=True),
 }
-_INNER = (0.2, 0.8)  # of the play: clear of the contacts at both sides
+_INNER = (0.5, 0.9)  # of the play: clear of the contacts, after the nut's swing from the first
 _FEWEST = 8  # samples that make a plateau
 _UNEVEN = 0.5  # change of the force across a plateau that indicates contact [N]
 _LEAST_LOADED = 4  # samples for the line of a contact
@@ -191,11 +191,15 @@ def _across(
         bounded("the guide may rub more under the larger load of the way against gravity", uneven),
         bounded(TRANSDUCER, TRANSDUCER_ERROR * halves.level),
     )
+    way = (_INNER[1] - _INNER[0]) * float(np.median([c.width for pair in seen for c in pair]))
+    counted = bounded("half a count of the encoder in the way across the play",
+                      0.5 * counts_to_height(1) / way * rubs.slope)  # fmt: skip
     quantities = [
         from_sources("gravity", halves.level, sources, "N", "weight, across the play"),
         from_sources("guide", rubs.level, (rubs.level_error,), "N",
                      "friction of guide and cable, on the handle's side of the play"),
-        from_sources("film", rubs.slope, (rubs.slope_error,), "N s/m", "drag of the grease film"),
+        from_sources("film", rubs.slope, (rubs.slope_error, counted), "N s/m",
+                     "drag of the grease film"),
         _play(seen, rubs.level),
     ]  # fmt: skip
     if np.isnan(rubs.slope):
@@ -369,14 +373,14 @@ def draw(result: Result) -> Drawn:
     """Return the figure of the force while the handle crosses the play (ours)."""
     figure, axes = axes_for("handle against nut, from rest [mm]",
                             "force, against gravity positive [N]",
-                            "Weight while the handle crosses the play, both ways")  # fmt: skip
+                            "Weight across the play; dots: against gravity, crosses: with it")
     ways = [Crossing(*row) for row in result.data["crossings"]]
     speeds, named = sorted({way.speed for way in ways}), set()
     for name, way in zip(result.data["jobs"], ways, strict=True):
         if not np.isfinite(way.force):
             continue
         against = way.sign * way.direction > 0.0
-        label = f"{way.speed * 1e3:g} mm/s, {'against' if against else 'with'} gravity"
+        label = f"{way.speed * 1e3:g} mm/s"
         axes.plot(
             result.data[f"gap_{name}"] * 1e3, way.sign * result.data[f"force_{name}"],
             "." if against else "+", markersize=2.0 if against else 3.0, alpha=0.35,
@@ -386,11 +390,11 @@ def draw(result: Result) -> Drawn:
         named.add(label)
     weight = result.quantity("gravity")
     axes.axhline(weight.value, color=DESIRED, linestyle="--",
-                 label=f"weight, {weight.value:.2f} ± {weight.uncertainty:.2f} N")  # fmt: skip
+                 label=f"weight, {weight.value:.3f} ± {weight.uncertainty:.3f} N")  # fmt: skip
     thesis = THESIS["gravity"]
     axes.axhspan(thesis.value - thesis.tolerance, thesis.value + thesis.tolerance,
                  color="#eeeeee", zorder=0, label=f"{thesis.value:g} N of 5.2.4 and its scatter")
-    axes.legend(loc="lower right", markerscale=4.0, fontsize=8)
+    axes.legend(loc="lower center", markerscale=4.0, ncols=2)
     return {"play": figure}
 
 

@@ -31,9 +31,19 @@ from . import friction_model
 from .figures import COLOURS, CREDIT, DESIRED, THESIS_RATE, axes_for, filter_figure
 from .friction_model import friction_along
 from .lab import Lab, Part
-from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
+from .results import (
+    HUMAN_ARM,
+    Drawn,
+    Experiment,
+    Published,
+    Quantity,
+    Result,
+    beside,
+    from_sources,
+)
 from .stage_runs import optimal_lowpass, zero_phase
 from .trials import Arm, MotionTrial, Samples
+from .uncertainty import TRANSDUCER, TRANSDUCER_ERROR, bounded, jackknifed
 
 NAME = "inertia"
 THESIS = {
@@ -135,7 +145,14 @@ def run(lab: Lab, settings: Settings) -> Result:
     every = max(round(lab.rate / _REGRESSION_HZ), 1)
     mass, *left = regression(records, settings.least_speed, every)
     plain, *_ = regression(records, settings.least_speed, every, loaded=False)
-    error = math.hypot(jackknife(records, settings.least_speed, every), mass - plain)
+    sources = (
+        *jackknifed(
+            "scatter of the records, each of which shares the friction model's errors",
+            lambda some: regression(list(some), settings.least_speed, every)[:1], records,
+        ),
+        bounded("friction that grows with the load: the fit with and without it", mass - plain),
+        *lab.real(bounded(TRANSDUCER, TRANSDUCER_ERROR * mass)),
+    )  # fmt: skip
     ratios, strict = (
         [
             ratio(moved, moved.force - friction, settings.least_speed, least, settings.widest_shift)
@@ -148,7 +165,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     )
     shifts, nan = np.array([r.shift for r in strict]), math.nan
     quantities = (
-        Quantity("mass", mass, error, "kg", "mass at the handle, by regression"),
+        from_sources("mass", mass, sources, "kg", "mass at the handle, by regression"),
         Quantity("mass_thesis", *printed, "kg", "mean of the ratio (sd), as printed"),
         Quantity("mass_thesis_strict", *stricter, "kg",
                  "the same, accelerations of 2.5 m/s^2 and more"),
@@ -170,8 +187,6 @@ def run(lab: Lab, settings: Settings) -> Result:
         }
     listed = ", ".join(f"{shift * 1e3:.1f}" for shift in shifts if np.isfinite(shift)) or "no"
     notes = (
-        "The uncertainty of the mass includes the effect of the load term and the spread of a "
-        "jackknife over the records, but not an error of the sensor's gain.",
         "The friction model is extrapolated beyond the fastest speed of the maps, as in 5.3.",
         f"With accelerations from 2.5 mm/s^2, as printed, the ratio is {printed[0]:.2f} kg with a "
         f"standard deviation of {printed[1]:.3g} kg: near zero acceleration the ratio amplifies "
@@ -290,21 +305,6 @@ def regression(
     )
     left = terms @ found.x - force
     return [*found.x.tolist(), float(np.sqrt(np.mean(left**2)))]
-
-
-def jackknife(records: list[Record], least_speed: float, every: int) -> float:
-    """Return the standard error of the mass [kg] by a jackknife over the records.
-
-    Samples of one record share the friction model's errors, so they are not independent.
-    NaN with fewer than three records.
-    """
-    n = len(records)
-    if n < 3:
-        return math.nan
-    masses = [
-        regression(records[:out] + records[out + 1 :], least_speed, every)[0] for out in range(n)
-    ]
-    return float(np.sqrt((n - 1) * np.var(masses)))
 
 
 def draw(result: Result) -> Drawn:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import re
 from collections.abc import Sequence
 from datetime import datetime, timezone
@@ -14,6 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 
 from ..control import modes
+from . import coverage
 from .experiments import EXPERIMENTS
 from .figures import save
 from .report import (
@@ -57,8 +59,9 @@ blockquote { margin: 0.5rem 0; padding: 0 1rem; border-left: 3px solid #0072b2; 
 pre { background: #f6f6f6; padding: 0.6rem; overflow-x: auto; font-size: 12px; }
 """
 _ROW_KINDS = {
-    AGREES: "good", RECOVERED: "good", MET: "good",
+    AGREES: "good", RECOVERED: "good", MET: "good", coverage.HOLDS: "good",
     DIFFERS: "bad", NOT_RECOVERED: "bad", WRONGLY_STATED: "bad", MISSED: "bad",
+    coverage.TOO_NARROW: "bad", coverage.TOO_WIDE: "bad",
 }  # fmt: skip
 Figures = dict[str, dict[str, str]]
 """Title -> file beside the page, of each experiment and, as `seed_N`, of each perturbed module."""
@@ -75,7 +78,7 @@ def write_page(folder: Path, modules: Sequence[Module], seconds: float) -> tuple
         if result := module.result("compensation"):
             prefix = f"seed_{module.seed}"
             figures[prefix] = _drawn("compensation", result, folder, f"{prefix}-")
-    text = markdown(report, figures, seconds)
+    text = markdown(report, figures, seconds, coverage.load(folder))
     (folder / TEXT).write_text(text, encoding="utf-8")
     page = folder / PAGE
     page.write_text(html_page(text, folder), encoding="utf-8")
@@ -92,8 +95,13 @@ def _drawn(experiment: str, result: Result, folder: Path, prefix: str = "") -> d
     return files
 
 
-def markdown(report: Report, figures: Figures, seconds: float) -> str:
-    """Return the report as Markdown; its layout is in `report.md.jinja`."""
+def markdown(
+    report: Report, figures: Figures, seconds: float, covered: Sequence[coverage.Covered] = ()
+) -> str:
+    """Return the report as Markdown; its layout is in `report.md.jinja`.
+
+    covered: hidden values over many modules, of a run of its own.
+    """
     pages = Environment(
         loader=PackageLoader("screw_module_ros", "identification"), undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -115,11 +123,15 @@ def markdown(report: Report, figures: Figures, seconds: float) -> str:
         compared_rows=compared_rows,
         checked_head=CHECKED_HEAD,
         checked_rows=checked_rows,
+        coverage_head=coverage.HEAD,
+        covered=coverage.coverage_rows(covered),
+        least=coverage.least(max((row.of for row in covered), default=0)),
         closing_head=CLOSING_HEAD,
         closing=closing_rows(report.modules),
         changed_head=robustness_head(report.modules),
         changed=robustness_rows(report.modules),
         quantity_rows=_quantity_rows,
+        source_rows=_source_rows,
         sentences=sentences(required) if required else (),
         required_head=REQUIREMENTS_HEAD,
         required=cells(required) if required else [],
@@ -128,6 +140,14 @@ def markdown(report: Report, figures: Figures, seconds: float) -> str:
 
 def _quantity_rows(result: Result) -> list[tuple[str, ...]]:
     return [(q.name, q.text, value_text(q), q.kind) for q in result.quantities]
+
+
+def _source_rows(result: Result) -> list[tuple[str, ...]]:
+    return [
+        (q.name, source.what, like(q, source.standard) if source.standard else "0",
+         f"{source.freedom:.0f}" if math.isfinite(source.freedom) else "")
+        for q in result.quantities for source in q.sources
+    ]  # fmt: skip
 
 
 def _at_rest(report: Report) -> list[str]:

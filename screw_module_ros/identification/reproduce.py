@@ -6,10 +6,11 @@ from __future__ import annotations
 import hashlib
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -18,11 +19,12 @@ from ..calibration.module import THESIS_FILE
 from ..plant.settings import load_world
 from ..resources import resource_path
 from ..terminal import Console, command
+from . import coverage
 from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
 from .lab import Lab, MissingResult, worker_pool
 from .page import write_page
-from .report import Module, Outcome
+from .report import Module, Outcome, Report, shown
 from .trials import NotPossible
 
 ON_EVERY_MODULE = (
@@ -40,7 +42,9 @@ OnProgress = Callable[[str, str, float], None]
 """Called with the module, the experiment, and the share of it that is done."""
 _SOURCES = Path(__file__).resolve().parents[1]
 _MADE_OF = ("plant", "control", "identification", "calibration", ".")
-_ONLY_SHOWN = ("page.py", "report.py", "reproduce.py", "figures.py", "figure_style.py")
+_ONLY_SHOWN = (
+    "page.py", "report.py", "coverage.py", "reproduce.py", "figures.py", "figure_style.py",
+)  # fmt: skip
 
 
 @command("reproduce", stopped="stopped; finished results are kept: run it again")
@@ -51,7 +55,14 @@ _ONLY_SHOWN = ("page.py", "report.py", "reproduce.py", "figures.py", "figure_sty
     help="Output folder; results finished there by an earlier run are reused.",
 )
 @click.option("--seeds", default=5, type=click.IntRange(0, 100), help="Perturbed modules.")
-@click.option("--first-seed", default=1, type=click.IntRange(0), help="The first one's seed.")
+@click.option(
+    "--first-seed", type=click.IntRange(0),
+    help=f"The first one's seed; by default 1, with --coverage {coverage.FIRST_SEED}.",
+)  # fmt: skip
+@click.option(
+    "--coverage", "modules", default=0, type=click.IntRange(0, 1000),
+    help="Only how often the stated 95 % intervals hold, over so many perturbed modules.",
+)  # fmt: skip
 @click.option(
     "--only", multiple=True, type=click.Choice(list(EXPERIMENTS)), help="These experiments alone."
 )
@@ -65,7 +76,8 @@ def reproduce(
     console: Console,
     folder: Path,
     seeds: int,
-    first_seed: int,
+    first_seed: int | None,
+    modules: int,
     only: tuple[str, ...],
     plant: Path | None,
     fresh: bool,
@@ -76,15 +88,57 @@ def reproduce(
     begun = time.monotonic()
     if fresh:
         _remove_own(folder)
-    with worker_pool(workers) as pool, _shown(console, only, seeds) as on_progress:
-        modules = [
+    if modules:
+        first = coverage.FIRST_SEED if first_seed is None else first_seed
+        return _covered(console, folder, range(first, first + modules), only, plant, workers)
+    first_seed = 1 if first_seed is None else first_seed
+    total = len(only or EXPERIMENTS) + seeds * len(only or ON_EVERY_MODULE)
+    with worker_pool(workers) as pool, _shown(console, total) as on_progress:
+        examined = [
             examine(seed, folder, pool, on_progress, only, plant)
             for seed in (None, *range(first_seed, first_seed + seeds))
         ]
     with console.step("drawing and writing the page"):
-        page, report = write_page(folder, modules, time.monotonic() - begun)
+        page, report = write_page(folder, examined, time.monotonic() - begun)
     console.show(*report.tables(), f"All in {time.monotonic() - begun:.0f} s. The report: {page}")
     return not any(miss.serious for miss in report.misses)
+
+
+def _covered(
+    console: Console, folder: Path, seeds: range, only: tuple[str, ...], plant: Path | None,
+    workers: int | None,
+) -> bool:  # fmt: skip
+    """Tell how often the intervals hold on modules by seed, and leave it for the report."""
+    begun, names = time.monotonic(), only or with_needs(coverage.HIDDEN)
+    with worker_pool(workers) as pool, _shown(console, len(seeds) * len(names)) as on_progress:
+        modules = [
+            examine(seed, folder, pool, on_progress, names, plant, coverage.LEFT_OUT)
+            for seed in seeds
+        ]
+    rows = coverage.covered(Report(modules).checked)
+    coverage.save(folder, rows)
+    failures = [
+        f"{module.name}, {name}: {outcome.failure}"
+        for module in modules for name, outcome in module.outcomes.items() if outcome.failure
+    ]  # fmt: skip
+    console.show(
+        shown(f"95 % intervals over {len(seeds)} modules, seeds {seeds[0]} to {seeds[-1]}",
+              coverage.HEAD, coverage.coverage_rows(rows)),
+        *failures,
+        f"{coverage.least(len(seeds))} of {len(seeds)} are wanted. "
+        f"All in {time.monotonic() - begun:.0f} s.",
+    )  # fmt: skip
+    return not failures and all(row.verdict != coverage.TOO_NARROW for row in rows)
+
+
+def with_needs(names: Sequence[str]) -> tuple[str, ...]:
+    """Return experiments with those whose results they need, in the order in which they run."""
+    wanted, found = list(names), set()
+    while wanted:
+        name = wanted.pop()
+        found.add(name)
+        wanted += EXPERIMENTS[name].needs
+    return tuple(name for name in EXPERIMENTS if name in found)
 
 
 def examine(
@@ -94,11 +148,13 @@ def examine(
     on_progress: OnProgress,
     experiments: Sequence[str] = (),
     plant: Path | None = None,
+    changed: Mapping[str, Mapping[str, Any]] = {},
 ) -> Module:
     """Run experiments on one module, reusing finished trials of an earlier run.
 
     experiments: by name; none = all for the thesis's module, those of `ON_EVERY_MODULE` for
-    another. After a failed experiment the others continue. Raises Cancelled, SettingError.
+    another; changed: settings of experiments by name. After a failed experiment the others
+    continue. Raises Cancelled, SettingError.
     """
     world, loop = load_world(plant, seed), LoopSettings()
     name = "thesis" if seed is None else f"seed_{seed}"
@@ -113,15 +169,17 @@ def examine(
     for experiment in EXPERIMENTS:
         if experiment in wanted:
             on_progress(name, experiment, 0.0)
-            outcomes[experiment] = _outcome(lab, experiment, name)
+            outcomes[experiment] = _outcome(lab, experiment, name, changed.get(experiment, {}))
             on_progress(name, experiment, 1.0)
     return Module(seed, world, loop, folder / name, outcomes)
 
 
-def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
+def _outcome(
+    lab: Lab, experiment: str, module: str, changed: Mapping[str, Any] = {}
+) -> Outcome:
     begun = time.monotonic()
     entry = EXPERIMENTS[experiment]
-    settings = entry.settings()
+    settings = entry.settings()._replace(**changed)
     if "serial" in settings._fields:
         serial = "SIM-0001" if module == "thesis" else f"SIM-{module}"
         settings = settings._replace(serial=serial)
@@ -153,9 +211,8 @@ def _remove_own(folder: Path) -> None:
 
 
 @contextmanager
-def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnProgress]:
-    """Show progress bars of the current experiment and of the whole run."""
-    total = len(only or EXPERIMENTS) + seeds * len(only or ON_EVERY_MODULE)
+def _shown(console: Console, total: int) -> Iterator[OnProgress]:
+    """Show progress bars of the current experiment and of the whole run of so many."""
     columns = (
         TextColumn("{task.description:38}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
     )  # fmt: skip

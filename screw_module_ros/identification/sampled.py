@@ -18,11 +18,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .lab import Lab, MissingResult, Part
-from .results import Quantity
+from .results import Quantity, from_sources
 from .static_torque import desired_torque
 from .trials import Samples, TorqueTrial
+from .uncertainty import Source, bounded
 
 _WORST_CONDITION = 1e5  # of the fit: above it two parameters are not distinguishable
+_POLE_KNOWN, _DELAY_KNOWN = 0.05, 0.2  # ours: as fig 4-6 is read, as amplifiers of a make differ
 _APART = 1e-6  # poles closer than this, relatively, are moved apart
 SETTLE_S = 0.05
 """Excluded start of each sine [s]: many time constants of the slowest pole, 221 Hz."""
@@ -50,15 +52,19 @@ class Chain(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """values and their standard errors; misfit: root mean square of |model / measured - 1|."""
+    """values and their sources of uncertainty; misfit: root mean square of |model / measured - 1|.
+    """
 
     values: np.ndarray
-    errors: np.ndarray
+    scatter: list[Source]
     misfit: float
 
-    def quantity(self, number: int, name: str, unit: str, text: str) -> Quantity:
-        """Return one of the values as a quantity."""
-        return Quantity(name, float(self.values[number]), float(self.errors[number]), unit, text)
+    def quantity(
+        self, number: int, name: str, unit: str, text: str, *more: Source
+    ) -> Quantity:
+        """Return one of the values as a quantity; more: sources beside the scatter."""
+        sources = (self.scatter[number], *more)
+        return from_sources(name, float(self.values[number]), sources, unit, text)
 
 
 WIRE = Chain(1.0, ())
@@ -224,12 +230,13 @@ def fit_response(
     """Fit a model's parameters to a measured response, with equal weights of the frequencies.
 
     start, low, high: initial values and bounds of the
-    parameters. The standard errors come from the scatter of the measurement about the model. Raises
+    parameters. The standard errors come from the scatter of the measurement about the model, by a
+    jackknife over the frequencies: noise is a larger share where the answer is small. Raises
     ValueError for too few frequencies.
     """
     count = len(start)
-    unknowns = 2 * len(measured) - count
-    if unknowns <= 0:
+    spare = 2 * len(measured) - count
+    if spare <= 0:
         raise ValueError(f"{len(measured)} frequencies do not determine {count} numbers")
 
     def relative(numbers: np.ndarray) -> np.ndarray:
@@ -240,11 +247,33 @@ def fit_response(
     found = least_squares(
         relative, start, bounds=(low, high), x_scale=size, xtol=1e-12, ftol=1e-12
     )
-    square = 2.0 * found.cost
-    slopes = found.jac * size  # alike in size, so that the inverse is a good one
-    covariance = np.linalg.pinv(slopes.T @ slopes) * square / unknowns
-    errors = size * np.sqrt(np.diag(covariance))
-    return Fit(found.x, errors, math.sqrt(square / len(measured)))
+    scatter = [
+        Source("scatter of the frequencies about the model", unit * error, freedom)
+        for unit, error, freedom in zip(
+            size.tolist(), *_left_out(found.jac * size, found.fun), strict=True
+        )  # alike in size: a good inverse
+    ]
+    return Fit(found.x, scatter, math.sqrt(2.0 * found.cost / len(measured)))
+
+
+def _left_out(slopes: np.ndarray, residual: np.ndarray) -> tuple[list[float], list[float]]:
+    """Return standard errors and their degrees of freedom, by one step for each frequency left out.
+
+    slopes: of the residual over the parameters; both have real parts first, imaginary parts then.
+    A few frequencies determine a parameter, such as the highest a delay: its degrees of freedom are
+    theirs, by their weights (Satterthwaite; Bell and McCaffrey 2002).
+    """
+    n = len(residual) // 2
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    changes, weights = [], []
+    for number in range(n):
+        own = slopes[[number, n + number]]
+        held = np.eye(2) - own @ inverse @ own.T
+        changes.append(inverse @ own.T @ np.linalg.lstsq(held, residual[[number, n + number]])[0])
+        weights.append(((inverse @ own.T) ** 2).sum(axis=1))
+    off, weight = np.array(changes) - np.mean(changes, axis=0), np.array(weights)
+    errors = np.sqrt((n - 1) / n * (off**2).sum(axis=0))
+    return errors.tolist(), (weight.sum(axis=0) ** 2 / (weight**2).sum(axis=0)).tolist()
 
 
 def _apart(poles: tuple[complex, ...]) -> tuple[complex, ...]:
@@ -308,13 +337,37 @@ def sweep_of(parts: Mapping[str, Part]) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def known_amplifier(lab: Lab, pole: float, delay: float) -> tuple[float, float, str]:
-    """Return pole [Hz] and delay [s] of the amplifier as measured in this lab, else these, and a
-    note about their source."""
+class KnownAmplifier(NamedTuple):
+    """Pole [Hz] and delay [s] of the amplifier, a note about their source, and what their errors
+    make of a delay that is fitted beside them [s]."""
+
+    pole: float
+    delay: float
+    note: str
+    sources: tuple[Source, ...]
+
+
+def known_amplifier(lab: Lab, pole: float, delay: float) -> KnownAmplifier:
+    """Return the amplifier as measured in this lab, else with this pole [Hz] and delay [s]."""
     try:
         found = lab.result("amplifier_response")
     except MissingResult:
-        return pole, delay, f"Amplifier as in the settings: {pole:g} Hz, {1e6 * delay:g} us."
-    pole, delay = found.value("pole"), found.value("delay")
-    note = f"Amplifier as measured by {found.experiment}: {pole:.4g} Hz, {1e6 * delay:.3g} us."
-    return pole, delay, note
+        return KnownAmplifier(
+            pole, delay, f"Amplifier as in the settings: {pole:g} Hz, {1e6 * delay:g} us.",
+            (bounded("pole of the amplifier, assumed within 5 %", _POLE_KNOWN / _turns(pole)),
+             bounded("delay of the amplifier, assumed within 20 %", _DELAY_KNOWN * delay)),
+        )  # fmt: skip
+    measured = found.quantity("pole"), found.quantity("delay")
+    pole, delay = (quantity.value for quantity in measured)
+    pole_error, delay_error = (quantity.uncertainty for quantity in measured)
+    return KnownAmplifier(
+        pole, delay,
+        f"Amplifier as measured by {found.experiment}: {pole:.4g} Hz, {1e6 * delay:.3g} us.",
+        (Source("pole of the amplifier, as measured", pole_error / pole / _turns(pole)),
+         Source("delay of the amplifier, as measured", delay_error)),
+    )  # fmt: skip
+
+
+def _turns(frequency: float) -> float:
+    """Return a frequency [Hz] in rad/s; a share of the pole is a delay of that share over it."""
+    return 2.0 * math.pi * frequency

@@ -20,8 +20,18 @@ from ..geometry import torque_to_force
 from ..settings import Setting, validated
 from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
-from .results import LOCKED_ROTOR, Drawn, Experiment, Published, Quantity, Result, beside
+from .results import (
+    LOCKED_ROTOR,
+    Drawn,
+    Experiment,
+    Published,
+    Quantity,
+    Result,
+    beside,
+    from_sources,
+)
 from .trials import Samples, TorqueTrial
+from .uncertainty import TRANSDUCER, TRANSDUCER_ERROR, Source, bounded
 
 NAME = "static_torque"
 THESIS = {
@@ -84,6 +94,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     # About 2 x cutoff of the filtered samples of a second are independent.
     fewer = math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
     fit = fit_pieces(torque, command, fewer)
+    real = lab.real(bounded(TRANSDUCER, TRANSDUCER_ERROR))  # as a share
     again = trial._replace(linearization=fit.linearization)
     linear = lab.record(NAME, {"linearized": again}, reduced)["linearized"]
     desired = desired_torque(fit.linearization, linear["command"])
@@ -98,7 +109,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     }
     quantities = (
         _largest(linear, fit, settings)
-        + _asymptotes(torque, command, settings, fewer)
+        + _asymptotes(torque, command, settings, fewer, real)
         + _check(raw, desired, linear["torque"])
         + _found(fit)
     )
@@ -126,7 +137,8 @@ def linearization_of(result: Result) -> Linearization:
 def _smoothed(raw: Part, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """Return smoothed torque and command [Nm] of whole periods in the middle of the record.
 
-    So a lag has equal effects on rising and falling torque, and the filter's ends do not count.
+    So a lag has equal effects on rising and falling torque, and the filter's ends do not count. The
+    command is filtered as well: its steps of object 6071 are no scatter of the torque.
     """
     time = raw["time"]
     sections = butter(_ORDER, settings.cutoff, fs=_rate(raw), output="sos")
@@ -134,7 +146,8 @@ def _smoothed(raw: Part, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     length = time[-1] - time[0]
     spare = 0.5 * (length - math.floor(length / period + 1e-6) * period)
     kept = (time >= time[0] + spare) & (time <= time[-1] - spare)
-    return sosfiltfilt(sections, raw["torque"])[kept], raw["command"][kept]
+    torque, command = (sosfiltfilt(sections, raw[name])[kept] for name in ("torque", "command"))
+    return torque, command
 
 
 def _rate(raw: Part) -> float:
@@ -142,30 +155,43 @@ def _rate(raw: Part) -> float:
 
 
 def _asymptotes(
-    torque: np.ndarray, command: np.ndarray, settings: Settings, fewer: float
-) -> tuple[Quantity, ...]:
+    torque: np.ndarray, command: np.ndarray, settings: Settings, fewer: float,
+    real: tuple[Source, ...],
+) -> tuple[Quantity, ...]:  # fmt: skip
     """Return torque constant and dead zone from the straight ends of the curve.
 
     The lines of the three pieces begin where the curve still bends and would give smaller values.
+    Torque lags behind the command: a term in proportion to the command's rate of change keeps that
+    out of slope, offset and scatter.
     """
-    ends = []
+    ends, rate = [], np.gradient(command)
+    rate = rate / np.abs(rate).max()
     for side in (torque < -settings.line_from, torque > settings.line_from):
         if np.count_nonzero(side) < 10:
             raise ValueError(
                 f"line_from = {settings.line_from:g} Nm: too few samples have a larger torque"
             )
-        (slope, offset), covariance = np.polyfit(torque[side], command[side], 1, cov="unscaled")
-        off = command[side] - slope * torque[side] - offset
-        ends.append((slope, offset, *(np.std(off) * fewer * np.sqrt(np.diag(covariance)))))
+        terms = np.column_stack((torque[side], np.ones(np.count_nonzero(side)), rate[side]))
+        found, *_ = np.linalg.lstsq(terms, command[side])
+        spread = np.std(command[side] - terms @ found) * fewer
+        errors = spread * np.sqrt(np.diag(np.linalg.inv(terms.T @ terms)))
+        ends.append((*found[:2], *errors[:2]))
     (low, low_offset, low_error, low_at), (high, high_offset, high_error, high_at) = ends
     slope, error = 0.5 * (low + high), 0.5 * math.hypot(low_error, high_error)
     constant = float(settings.torque_constant / slope)
+    dead = float(0.5 * (high_offset - low_offset) / slope)
+    dead_error = 0.5 * math.hypot(low_at, high_at)
+
+    def sources(value: float, error: float) -> list[Source]:
+        scaled = [source._replace(standard=abs(value) * source.standard) for source in real]
+        scatter = Source("scatter about the straight ends, smoothed", float(error))
+        return [scatter, *scaled]
+
     return (
-        Quantity("torque_constant", constant, float(constant * error / slope), "Nm/A",
-                 "torque per ampere of command beyond the dead zone"),
-        Quantity("dead_zone", float(0.5 * (high_offset - low_offset) / slope),
-                 float(0.5 * math.hypot(low_at, high_at) / slope), "Nm",
-                 "torque lost on each side of zero: between the straight ends"),
+        from_sources("torque_constant", constant, sources(constant, constant * error / slope),
+                     "Nm/A", "torque per ampere of command beyond the dead zone"),
+        from_sources("dead_zone", dead, sources(dead, dead_error / slope), "Nm",
+                     "torque lost on each side of zero: between the straight ends"),
     )  # fmt: skip
 
 

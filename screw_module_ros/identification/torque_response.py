@@ -49,6 +49,7 @@ from .sampled import (
 )
 from .static_torque import measured_linearization
 from .trials import TorqueTrial
+from .uncertainty import bounded
 
 NAME = "torque_response"
 THESIS = {
@@ -58,6 +59,7 @@ THESIS = {
     "resonance_seen": Published("rotor_resonance_alias", 50.0),
 }
 _FIRST, _SECOND, _THIRD = COLOURS[:3]
+_STIFFNESS = "stiffness of the transducer about z, from its data sheet, within 5 %"
 _STARTS = (0.3, 3.0, 10.0)  # initial damping [Nm s/rad]: the misfit can have several minima
 _LIGHT = 0.005  # damping with a visible resonance [Nm s/rad]
 _LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
@@ -98,7 +100,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     """
     frequencies = np.geomspace(settings.low, settings.high, settings.count)
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
-    pole, late, source = known_amplifier(lab, settings.pole, settings.delay)
+    amplifier = known_amplifier(lab, settings.pole, settings.delay)
+    pole, late = amplifier.pole, amplifier.delay
     rates = {"": 0.0}  # asked for, 0 = the bench's own
     if settings.slow_rate not in (0.0, lab.rate):
         rates["_slow"] = settings.slow_rate
@@ -120,9 +123,10 @@ def run(lab: Lab, settings: Settings) -> Result:
         model = model_of(sampled_response, chain, frequencies, rate, late)
         fit, at = _fit(model, measured), f"at {rate:g} Hz"
         quantities += (
-            fit.quantity(1, f"damping{end}", "Nm s/rad", f"B of C.3, {at}"),
+            fit.quantity(1, f"damping{end}", "Nm s/rad", f"B of C.3, {at}",
+                         *lab.real(bounded(_STIFFNESS, 0.05 * float(fit.values[1])))),
             fit.quantity(2, f"delay{end}", "s",
-                         f"software delay, {at} (direct study 200 to 450 us)"),
+                         f"software delay, {at} (direct study 200 to 450 us)", *amplifier.sources),
             fit.quantity(0, f"gain{end}", "", f"torque per desired torque, {at}"),
             Quantity(f"misfit{end}", fit.misfit, math.nan, "",
                      f"rms of model over measured, less 1, {at}"),
@@ -161,7 +165,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         Quantity("resonance", resonance, math.nan, "Hz", "undamped, from K and J"),
         Quantity("resonance_seen", seen, math.nan, "Hz", "where it folds to"),
     ), DERIVED)  # fmt: skip
-    notes = (source, *_notes(settings, pole, quantities, lab.rate))
+    notes = (amplifier.note, *_notes(settings, pole, quantities, lab.rate))
     return Result(NAME, quantities, settings._asdict(), notes, data)
 
 

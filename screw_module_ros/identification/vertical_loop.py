@@ -57,7 +57,8 @@ class LoopParams(NamedTuple):
     period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
     which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode: of the
     law; centre: where the trial begins, and the law's set point [m]. side_force: amplitude of the
-    planar force on the handle [N]. counts: of the encoder per turn.
+    planar force on the handle [N]. counts: of the encoder per turn; volt_counts: of the A/D card
+    that reads the current sensor [1/V].
     """
 
     plant: VerticalParams
@@ -85,6 +86,7 @@ class LoopParams(NamedTuple):
     stage_target: float
     side_force: float = 0.0
     counts: int = COUNTS_PER_TURN
+    volt_counts: float = 204.8
 
 
 class LoopState(NamedTuple):
@@ -129,7 +131,9 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     asked, heat = _answer(p, s, position, velocity, force)
     command = on_the_wire(p.chain, asked)
     row[0], row[1], row[2], row[3], row[4] = position, velocity, force, torque, command
-    row[5] = s.volts if p.fixture == LOCKED_ROTOR else module.current
+    row[5] = module.current
+    if p.fixture == LOCKED_ROTOR:
+        row[5] = round(s.volts * p.volt_counts) / p.volt_counts
     row[6], row[7], row[8] = module.handle, module.handle_velocity, module.patient_force
     row[9] = s.law[0].guard.share
     under_way = np.empty(s.under_way.size + 1)
@@ -189,6 +193,7 @@ def _period(
     side_force = abs(p.side_force * math.sin(SIDE_OMEGA * s.ticks * p.period))
     for step in range(p.steps):
         bridge = before if step < arrives else after
+        begun = module.current
         module = vertical_step(
             p.plant,
             module,
@@ -200,5 +205,6 @@ def _period(
         hand += hand_velocity * dt
         if p.fixture == LOCKED_ROTOR:
             mean = module.torque / p.plant.torque_constant
-            volts, sensor = current_sensor_step(p.sensor, sensor, mean)
+            change = module.current - begun
+            volts, sensor = current_sensor_step(p.sensor, sensor, mean, change)
     return module, sensor, volts

@@ -46,13 +46,19 @@ class Transducer(NamedTuple):
 
 
 class RotorStep(NamedTuple):
-    """Exact transition of angle and velocity over one substep; compliance [rad/Nm]."""
+    """Exact transition of angle and velocity over one substep of dt [s].
+
+    compliance [rad/Nm]; lag: damping over stiffness [s], by which the angle follows a line of
+    torque.
+    """
 
     angle_angle: float
     angle_velocity: float
     velocity_angle: float
     velocity_velocity: float
     compliance: float
+    lag: float
+    dt: float
 
 
 def rotor_step_settings(t: Transducer, dt: float) -> RotorStep:
@@ -74,15 +80,25 @@ def rotor_step_settings(t: Transducer, dt: float) -> RotorStep:
         velocity_angle=-square * rise,
         velocity_velocity=((slow * a - fast * b) / gap).real,
         compliance=1.0 / t.stiffness,
+        lag=t.damping / t.stiffness,
+        dt=dt,
     )
 
 
-def rotor_step(p: RotorStep, angle: float, velocity: float, torque: float) -> tuple[float, float]:
-    """Return angle [rad] and velocity [rad/s] after a substep of constant torque [Nm]."""
-    offset = angle - torque * p.compliance
+def rotor_step(
+    p: RotorStep, angle: float, velocity: float, mean: float, change: float
+) -> tuple[float, float]:
+    """Return angle [rad] and velocity [rad/s] after a substep of torque that follows a line.
+
+    mean: over the substep [Nm]; change: from its beginning to its end [Nm]. With a constant torque
+    a sweep would find a delay up to 0.15 us too short. The answer to a line is a line that lags.
+    """
+    slope = change * p.compliance / p.dt
+    begin = (mean - 0.5 * change) * p.compliance - slope * p.lag
+    offset, beyond = angle - begin, velocity - slope
     return (
-        torque * p.compliance + p.angle_angle * offset + p.angle_velocity * velocity,
-        p.velocity_angle * offset + p.velocity_velocity * velocity,
+        begin + slope * p.dt + p.angle_angle * offset + p.angle_velocity * beyond,
+        slope + p.velocity_angle * offset + p.velocity_velocity * beyond,
     )
 
 
@@ -118,10 +134,13 @@ def current_sensor_params(dt: float, circuit: Circuit = PRINTED) -> RotorStep:
 
 
 def current_sensor_step(
-    p: RotorStep, state: CurrentSensorState, current: float
+    p: RotorStep, state: CurrentSensorState, mean: float, change: float
 ) -> tuple[float, CurrentSensorState]:
-    """Return the output [V] and the state after a substep of constant current [A]."""
-    volts, rate = rotor_step(p, state.volts, state.rate, current)
+    """Return the output [V] and the state after a substep of current that follows a line.
+
+    mean: over the substep [A]; change: from its beginning to its end [A].
+    """
+    volts, rate = rotor_step(p, state.volts, state.rate, mean, change)
     return volts, CurrentSensorState(volts, rate)
 
 

@@ -45,7 +45,8 @@ def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleSt
         history_1, history_2, history_3 = 0.0, 0.0, 0.0
     drive = p.torque_constant * mean
     if u.fixture == LOCKED_ROTOR:
-        angle, speed = rotor_step(p.rotor, s.rotor_angle, s.rotor_velocity, drive)
+        change = p.torque_constant * (current - s.current)
+        angle, speed = rotor_step(p.rotor, s.rotor_angle, s.rotor_velocity, drive, change)
         return ModuleState(
             s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
             current, history_1, history_2, history_3, drive, angle, speed,

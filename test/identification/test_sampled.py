@@ -57,7 +57,7 @@ def test_rotor_on_the_plants_transducer():
     for k in range(2 * count):
         torques.append(1e4 * angle)
         drive = math.sin(2.0 * math.pi * cycles * k / count)
-        angle, velocity = rotor_step(step, angle, velocity, drive)
+        angle, velocity = rotor_step(step, angle, velocity, drive, 0.0)
     k = np.arange(count)
     found = 2j * np.mean(torques[count:] * np.exp(-2j * np.pi * cycles * k / count))
     expected = models.sampled_response(ROTOR, np.array([37.0]), 2000.0, 0.0)[0]
@@ -67,7 +67,7 @@ def test_rotor_on_the_plants_transducer():
 def test_current_sensor_is_the_plants():
     p, state, volts = current_sensor_params(5e-4), CurrentSensorState(), [0.0]
     for _ in range(19):
-        volt, state = current_sensor_step(p, state, 1.0)
+        volt, state = current_sensor_step(p, state, 1.0, 0.0)
         volts.append(volt)
     frequencies = np.fft.rfftfreq(400, 5e-4)
     impulse = np.diff(np.append(volts, np.full(380, volts[-1])), prepend=0.0)
@@ -85,7 +85,9 @@ def test_a_wire_is_a_whole_sample_late(delay):
     assert late == pytest.approx(500e-6, rel=1e-9), "as two holds half a period more"
 
 
-def test_fit_finds_the_numbers_and_their_scatter():
+@pytest.mark.parametrize("noise", [[0.01], np.geomspace(1e-4, 0.03, 60)])
+def test_fit_finds_the_numbers_and_their_scatter(noise):
+    """Also of noise that is a larger share at high frequencies, where the answer is small."""
     draw = np.random.default_rng(3)
     frequencies = np.geomspace(1.0, 1e4, 60)
 
@@ -96,11 +98,13 @@ def test_fit_finds_the_numbers_and_their_scatter():
 
     truth = np.array([0.9, 1000.0, 60e-6])
     begin, low, high = [1.0, 500.0, 2e-5], [0, 10, 0], [2, 1e4, 1e-3]
-    noisy = model(truth) * (1.0 + draw.normal(0.0, 0.01, (40, 60, 2)) @ [1.0, 1j])
+    noise = np.broadcast_to(noise, 60)
+    noisy = model(truth) * (1.0 + noise * (draw.normal(0.0, 1.0, (40, 60, 2)) @ [1.0, 1j]))
     fits = [models.fit_response(model, measured, begin, low, high) for measured in noisy]
     values = np.array([fit.values for fit in fits])
     assert values.mean(axis=0) == pytest.approx(truth, rel=0.01)
-    assert fits[0].errors == pytest.approx(values.std(axis=0), rel=0.4)
+    stated = np.array([[source.standard for source in fit.scatter] for fit in fits])
+    assert np.sqrt((stated**2).mean(axis=0)) == pytest.approx(values.std(axis=0), rel=0.4)
 
 
 TIME = np.arange(2000) / 2000.0

@@ -43,10 +43,10 @@ def amplified(amplifier, dt, commands):
 
 
 def sensed(dt, currents, step=current_sensor_step):
-    """Return the current sensor's output after each current [V]."""
+    """Return the current sensor's output after each current, held for a substep [V]."""
     p, state, volts = current_sensor_params(dt), CurrentSensorState(), []
     for current in currents:
-        out, state = step(p, state, current)
+        out, state = step(p, state, current, 0.0)
         volts.append(out)
     return volts
 
@@ -170,6 +170,18 @@ def test_the_analyser_sees_the_dead_zone(settings):
 def test_current_sensor_s_step_response_is_exact(dt):
     _, exact = signal.step((NUMERATOR, DENOMINATOR), T=[n * dt for n in range(40)])
     assert sensed(dt, [1.0] * 39) == pytest.approx(exact[1:], abs=1e-6)
+
+
+@pytest.mark.parametrize("dt", [25e-6, 50e-6, 500e-6])
+def test_current_sensor_s_answer_to_a_line_is_exact(dt):
+    """A current that rises evenly: its mean and its change are given for each substep."""
+    time = [n * dt for n in range(40)]
+    _, exact, _ = signal.lsim((NUMERATOR, DENOMINATOR), [1e3 * t for t in time], time)
+    p, state, volts = current_sensor_params(dt), CurrentSensorState(), []
+    for t in time[:-1]:
+        out, state = current_sensor_step(p, state, 1e3 * (t + 0.5 * dt), 1e3 * dt)
+        volts.append(out)
+    assert volts == pytest.approx(exact[1:], rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("frequency", [20.0, 200.0, 1000.0])

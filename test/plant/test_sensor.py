@@ -115,7 +115,7 @@ def rotor(transducer, dt, steps, angle=0.0, torque=0.0):
     """Return the angle and the velocity of a locked rotor at the start and after each step."""
     p, states = rotor_step_settings(transducer, dt), [(angle, 0.0)]
     for _ in range(steps):
-        states.append(rotor_step(p, *states[-1], torque))
+        states.append(rotor_step(p, *states[-1], torque, 0.0))
     return states
 
 
