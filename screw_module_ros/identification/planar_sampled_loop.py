@@ -25,12 +25,11 @@ from ..control.planar_settings import PlanarSettings
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
 from ..geometry import inverse
 from ..plant.planar import Planar, resting_plane
-from .linearized import STEP, Linear, floats_in, linear_of
+from .linearized import STEP, Linear, floats_in, largest_stable, linear_of
 from .trials import Arm, PlaneLoop
 
 MOST = 30.0
 """Largest gain of a search: the law's own."""
-_LEAST = 1e-3  # a gain below it is none
 _SETTLE_S = 2.0
 _Q, _W, _B, _V, _T = (slice(2 * part, 2 * part + 2) for part in range(5))
 _STATES = 10  # angles and velocities of the joints, deflection, handle's velocity, motor torques
@@ -230,17 +229,4 @@ def largest_gain(
     def stable(gain: float) -> bool:
         return radius(plant, plane, loop, law._replace(force_gain=gain)) < 1.0 + 1e-7
 
-    low = 0.0
-    for gain in np.geomspace(0.05, most, 30):
-        if not stable(float(gain)):
-            high = float(gain)
-            break
-        low = float(gain)
-    else:
-        return math.inf
-    while high - low > 0.01 * high:
-        if high < _LEAST:
-            return 0.0
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return low
+    return largest_stable(stable, most)

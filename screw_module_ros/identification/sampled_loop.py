@@ -26,7 +26,7 @@ from ..control.modes import uses_observer
 from ..control.vertical import VerticalInput, initial_state, vertical_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
-from .linearized import STEP, Linear, floats_in, linear_of
+from .linearized import STEP, Linear, floats_in, largest_stable, linear_of
 from .trials import Arm
 
 MOST = 100.0
@@ -35,7 +35,6 @@ _N, _S, _H, _C, _F = 0, 2, 4, 6, 7  # nut, screw, handle, amplifier, transducer 
 _STATES = 8
 _AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
 _SETTLE_S = 3.0
-_LEAST = 1e-3  # a gain below it is none
 
 
 class Mechanism(NamedTuple):
@@ -236,17 +235,4 @@ def largest_gain(
     def stable(gain: float) -> bool:
         return radius(plant, sampling, law.with_gain(gain)) < 1.0 + 1e-7
 
-    low = 0.0
-    for gain in np.geomspace(0.05, most, 30):
-        if not stable(float(gain)):
-            high = float(gain)
-            break
-        low = float(gain)
-    else:
-        return math.inf
-    while high - low > 0.01 * high:
-        if high < _LEAST:
-            return 0.0
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return low
+    return largest_stable(stable, most)
