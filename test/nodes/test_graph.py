@@ -232,15 +232,17 @@ def test_the_calibration_is_shown_and_in_every_bag(robot, calibration):
     robot.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 50)
     bag = robot.start_recording()
     states = ("screw/controller_state", "screw/amplifier_state")
+    loaded_by = ("impedance_controller", "amplifier")
 
-    def is_recorded() -> bool:
+    def is_recorded_and_shown() -> bool:
         counts = shown.get("session_recorder", {})
-        return all(json.loads(counts.get(f"/{t}", "{}")).get("messages", 0) for t in states)
+        recorded = all(json.loads(counts.get(f"/{t}", "{}")).get("messages", 0) for t in states)
+        return recorded and shown.keys() >= {*loaded_by}
 
-    robot.wait_until(is_recorded, 20.0, "not recorded")
+    robot.wait_until(is_recorded_and_shown, 20.0, "not recorded, or not shown")
     robot.stop_recording()
     assert calibrations(bag) == {f"/{topic}": calibration.identity for topic in states}
-    for node in ("impedance_controller", "amplifier"):
+    for node in loaded_by:
         assert shown[node]["calibration"] == calibration.identity
 
 
