@@ -2,21 +2,28 @@
 """Start the therapy robot with `ros2 launch`, by the same plan as the bringup executable."""
 
 import os
+import sys
 
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, RegisterEventHandler
-from launch.event_handlers import OnProcessExit
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+from screw_module_ros.programs import importing
 
-from launch import LaunchDescription
-from screw_module_ros.domain import domain_id
-from screw_module_ros.graph import PACKAGE
-from screw_module_ros.nodes.bringup import plan
-from screw_module_ros.nodes.robot_description import robot_description
-from screw_module_ros.nodes.support.place import keep_to_this_machine, open_to_network
-from screw_module_ros.resources import resource_path
+NAME = "therapy_robot.launch.py"
+# An ImportError would be told as a syntax error of this file, by `ros2 launch`.
+with importing(NAME):
+    from screw_module_ros.domain import domain_id
+    from screw_module_ros.graph import PACKAGE
+    from screw_module_ros.nodes.bringup import OLD_WORD, plan
+    from screw_module_ros.nodes.robot_description import robot_description
+    from screw_module_ros.nodes.support.place import keep_to_this_machine, open_to_network
+    from screw_module_ros.resources import resource_path
+with importing(NAME):
+    from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+    from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, RegisterEventHandler
+    from launch.event_handlers import OnProcessExit
+    from launch.substitutions import LaunchConfiguration
+    from launch_ros.actions import Node
+    from launch_ros.parameter_descriptions import ParameterValue
+
+    from launch import LaunchDescription
 
 _YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")
 
@@ -26,7 +33,7 @@ def _argument(name, default, description):
 
 
 ARGUMENTS = (
-    _argument("bench", "false", "Real hardware, no sim_rig."),
+    _argument("hardware", "false", "The real robot, no sim_rig."),
     _argument("composed", "false",
               "One process `module` for encoder, force sensor, controller and amplifier."),
     _argument("wall_clock", "false", "The simulated rig runs in real time."),
@@ -42,13 +49,16 @@ ARGUMENTS = (
 def nodes(context):
     """Return the actions the launch arguments ask for."""
     domain_id()  # raises where ROS_DOMAIN_ID is none
+    if "bench" in context.launch_configurations:
+        print(f"{NAME}: bench:= {OLD_WORD.format('hardware:=true')}", file=sys.stderr)
+        raise SystemExit(2)
     value = {a.name: LaunchConfiguration(a.name).perform(context).strip() for a in ARGUMENTS}
-    bench, composed, wall_clock, network, rviz = (
+    hardware, composed, wall_clock, network, rviz = (
         _is_true(name, value[name])
-        for name in ("bench", "composed", "wall_clock", "network", "rviz")
+        for name in ("hardware", "composed", "wall_clock", "network", "rviz")
     )
     planned = plan(
-        simulation=not bench,
+        simulation=not hardware,
         params=value["params"] or None,
         devices=value["devices"],
         namespace=value["namespace"],

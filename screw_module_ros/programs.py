@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -54,18 +55,28 @@ def missing(error: ImportError) -> str:
     return f"{package} is not installed: {_REMEDIES.get(package, _INSTALL)}"
 
 
+@contextmanager
+def importing(program: str) -> Iterator[None]:
+    """End the process with status 2 and one sentence where an import within fails.
+
+    An error of our own code passes. Where the launch file ends so, `ros2 launch` ends with it.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if not (sentence := missing(error)):
+            raise
+        print(f"{program}: {sentence}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
 def __getattr__(name: str) -> Callable[[], Any]:
     """Return the function of an executable; end the process where something is not installed."""
     if name not in PROGRAMS:
         raise AttributeError(f"no executable {name}")
     module, function = PROGRAMS[name]
-    try:
+    with importing(name):
         found = getattr(importlib.import_module(f"{_PACKAGE}.{module}"), function)
         if not isinstance(found, type):
             return found
         return partial(importlib.import_module(f"{_PACKAGE}.nodes.support.runtime").main, found)
-    except ImportError as error:
-        if not (sentence := missing(error)):
-            raise
-        print(f"{name}: {sentence}", file=sys.stderr)
-        raise SystemExit(2) from None

@@ -6,6 +6,7 @@ Files are wrong by mistake: one sentence names the file, the key and what is wro
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ VERSION = 1
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """Refuses a key that is written twice, and takes a date for text, as rcl does."""
+    """Refuses a key that is written twice; takes a date for text and 1e-3 for a number, as rcl."""
 
     yaml_implicit_resolvers = {
         first: [pair for pair in pairs if pair[0] != "tag:yaml.org,2002:timestamp"]
@@ -32,6 +33,12 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
                 text = f"key {shown(keys[n])} is written twice"
                 raise yaml.constructor.ConstructorError(None, None, text, key.start_mark)
         return super().construct_mapping(node, deep)
+
+
+# YAML 1.1, and so PyYAML, wants a point in a number with an exponent, and a sign after its e.
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), "-+.0123456789"
+)
 
 
 def parse(text: str, where: str) -> Any:

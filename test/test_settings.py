@@ -66,7 +66,7 @@ def test_what_is_written_plainly_is_read_back():
         ({"parts": [{"mass": 2.0}, {"turns": 1}]}, "parts[1].mass is missing"),
         ({"parts": [{"mass": 20.0}]}, "parts[0].mass = 20.0 kg: above the largest allowed, 10 kg"),
         ({"parts": [{"mass": True}]}, "parts[0].mass = True: a finite number"),
-        ({"parts": [{"mass": "1e-4"}]}, "parts[0].mass = '1e-4': a finite number is wanted (write"),
+        ({"parts": [{"mass": "1e-4"}]}, "parts[0].mass = '1e-4': a finite number is wanted"),
         ({"parts": [{"mass": 10**400}]}, "parts[0].mass = 1000"),
         ({"parts": [{"mass": math.nan}]}, "parts[0].mass = nan: a finite"),
         ({"parts": [{"mass": 1.0, "turns": 1.5}]}, "parts[0].turns = 1.5: int is wanted"),

@@ -2,9 +2,9 @@
 """Each default says where it is from, and what it takes from the thesis equals its figure there.
 
 `screw_module_ros/thesis.py` explains the comments. Held here: each value of `params/plant.yaml` and
-`params/friction_thesis.yaml`, the physical ones of `params/bench.yaml` and `params/sim.yaml`, every
-default of the settings in `control/` and `plant/`, and every other number of the package whose
-comment names a key.
+`params/friction_thesis.yaml`, the physical ones of `params/hardware.yaml` and `params/sim.yaml`,
+every default of the settings in `control/` and `plant/`, and every other number of the package
+whose comment names a key.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "screw_module_ros"
 REFERENCES = ROOT / "docs/references.md"
 WHOLE = ("plant", "friction_thesis")  # params files of which every value has a source
-ROBOTS = ("bench", "sim")
+ROBOTS = ("hardware", "sim")
 NOT_PHYSICAL = {
     "rate", "node_id", "shoulder.node_id", "elbow.node_id", "master_id", "base_id", "can.bitrate",
     "realtime.priority", "mode", "direction", "shoulder.direction", "elbow.direction", "sign",

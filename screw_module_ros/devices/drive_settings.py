@@ -95,6 +95,15 @@ class DriveSettings(NamedTuple):
     ] = 0.15
 
 
+_JOINT = DriveSettings(
+    node_id=3, master_id=113, rate=500.0, rated_torque=10.0, max_torque=25.0, counts_per_turn=65536
+)
+JOINTS = {"shoulder": _JOINT, "elbow": _JOINT._replace(node_id=4)}
+"""Prefix of the parameters of a planar drive -> its defaults."""
+SHARED = ("master_id", "profile", "waived", "allow_no_heartbeat")
+"""Settings that both planar drives share, beside the rate of their node."""
+
+
 def waived_guards(settings: DriveSettings) -> frozenset[str]:
     """Return the guards that the operator's word replaces. Raises ValueError for another name."""
     names = [name.strip() for name in settings.waived.split(",") if name.strip()]

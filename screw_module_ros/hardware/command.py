@@ -14,13 +14,14 @@ from typing import Any
 
 import click
 
-from ..can_io.bus import BusSettings, open_port
+from .. import graph, parameter_files
+from ..can_io.bus import BusSettings, open_port, within
 from ..can_io.errors import BusError
 from ..can_io.port import Port
 from ..clock import Clock, WallClock
 from ..devices import force_sensors
 from ..devices.drive import Drive
-from ..devices.drive_settings import DriveSettings
+from ..devices.drive_settings import JOINTS, SHARED, DriveSettings
 from ..devices.encoder import Encoder
 from ..devices.encoder_setup import EncoderSettings
 from ..devices.force_sensor_settings import ForceSensorSettings
@@ -29,40 +30,37 @@ from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, by_kind, load
 from ..profiles import NODES as DRIVERS
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
-from ..settings_file import load as load_yaml
 from . import devices, machine
 from .devices import Bus
 from .finding import TO_DO, Finding, table
 
 NODES = ("encoder", "force_sensor", "amplifier", "manus")
-JOINTS = ("shoulder", "elbow")
-_JOINT = {
-    "rate": 500.0, "rated_torque": 10.0, "max_torque": 25.0, "counts_per_turn": 65536,
-    "master_id": 113,
-}  # fmt: skip
-_SHARED = ("rate", "master_id", "profile", "waived", "allow_no_heartbeat")
-"""Parameters of `manus` that both drives share."""
 Values = dict[str, dict[str, Any]]
 
 
-def values_of(content: Any) -> Values:
-    """Return the parameters of each node from the content of a parameter file, names dotted."""
-    found: Values = {node: {} for node in NODES}
-    for section, body in (content or {}).items():
-        name = section.rsplit("/", 1)[-1]
-        given = _flat(body.get("ros__parameters", {}) if isinstance(body, dict) else {})
-        for node in NODES if name == "**" else [name]:
-            if node in found:
-                found[node].update(given)
-    return found
+def values_of(path: str, namespace: str = "") -> Values:
+    """Return what a parameter file gives to each node of the robot in a namespace, names dotted.
+
+    namespace: with leading /, empty for none. Raises SettingError for a file without a section.
+    """
+    file = parameter_files.sections(path)
+    return {node: parameter_files.values_of(file, f"{namespace}/{node}") for node in NODES}
 
 
-def _flat(mapping: dict, prefix: str = "") -> dict[str, Any]:
-    flat = {}
-    for key, value in mapping.items():
-        name = f"{prefix}{key}"
-        flat.update(_flat(value, f"{name}.") if isinstance(value, dict) else {name: value})
-    return flat
+def sections(
+    path: str, namespace: str, values: Values, nodes: Collection[str]
+) -> list[Finding]:
+    """Return what does not fit together: the sections of a parameter file and the nodes."""
+    todo = "see the section's name, and --namespace"
+    robot = [node for entry in graph.table(composed=False) for node in entry.nodes]
+    unread = parameter_files.unread_sections(path, [*robot, *graph.BESIDE], namespace)
+    without = "write the section /**/{0}:, give --namespace, or leave it out: --without {0}"
+    return [
+        *(Finding("parameter file", text, todo=todo, known=False) for text in unread),
+        *(Finding(f"{node} parameters", f"no section of {path} is for {namespace}/{node}",
+                  todo=without.format(node))
+          for node in nodes if not values[node]),
+    ]  # fmt: skip
 
 
 def settings(kind: type, values: dict[str, Any], prefix: str = "", **defaults: Any) -> Any:
@@ -71,14 +69,23 @@ def settings(kind: type, values: dict[str, Any], prefix: str = "", **defaults: A
     return read(kind, {**defaults, **given}, prefix.rstrip("."))
 
 
+def _shared(values: dict[str, Any]) -> dict[str, Any]:
+    """Return what the parameters of `manus` give to both of its drives."""
+    return {name: values[name] for name in ("rate", *SHARED) if name in values}
+
+
 class Found:
     """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding."""
 
-    def __init__(self, values: Values, nodes: Collection[str], clock: Clock, stack: ExitStack):
+    def __init__(
+        self, values: Values, nodes: Collection[str], clock: Clock, stack: ExitStack,
+        namespace: str = "",
+    ):  # fmt: skip
         self.findings: list[Finding] = []
         self.buses: dict[BusSettings, Bus] = {}
         self.devices: dict[str, Any] = {}
         self._values, self._nodes, self._clock, self._stack = values, nodes, clock, stack
+        self._namespace = namespace
         self._add("encoder", lambda port, v: Encoder(
             port, settings(EncoderSettings, v), settings(Screw, v),
             load(v.get("profile", GENERIC_406), ENCODER)))
@@ -87,17 +94,17 @@ class Found:
         self._add("amplifier", lambda port, v: Drive(
             port, settings(DriveSettings, v), "vertical drive",
             per_turn=settings(Screw, v).lead, make=load(v.get("profile", GENERIC_402), DRIVE)))
-        for number, joint in enumerate(JOINTS):
-            self._add("manus", lambda port, v, joint=joint, number=number: Drive(
-                port, settings(DriveSettings, v, f"{joint}.", node_id=3 + number,
-                               **{**_JOINT, **{name: v[name] for name in _SHARED if name in v}}),
+        for joint, own in JOINTS.items():
+            self._add("manus", lambda port, v, joint=joint, own=own: Drive(
+                port, settings(DriveSettings, v, f"{joint}.", **own._asdict() | _shared(v)),
                 f"{joint} drive", make=load(v.get("profile", GENERIC_402), DRIVE)), joint)
 
     def _add(self, node: str, make: Any, name: str = "") -> None:
         if node not in self._nodes:
             return
         values = self._values[node]
-        bus = settings(BusSettings, values, "can.", channel=node)._replace(sync_producer=True)
+        bus = settings(BusSettings, values, "can.", channel=graph.bus_of(node))
+        bus = within(bus._replace(sync_producer=True), self._namespace)
         if bus not in self.buses and not self._open(bus):
             return
         device = make(self.buses[bus].port, values)
@@ -123,15 +130,16 @@ class Found:
 
 
 def check(
-    values: Values, nodes: Collection[str], clock: Clock, move: float, seconds: float, tell: Any
-) -> list[Finding]:
+    values: Values, nodes: Collection[str], clock: Clock, move: float, seconds: float, tell: Any,
+    namespace: str = "",
+) -> list[Finding]:  # fmt: skip
     """Return all findings. move: time to move the handle [s]; seconds: of sampling [s].
-    nodes: those of `NODES` whose devices are there.
+    nodes: those of `NODES` whose devices are there; namespace: of the robot, with leading /.
 
     tell(text): says what the operator has to do now. Raises SettingError.
     """
     with ExitStack() as stack:
-        found = Found(values, nodes, clock, stack)
+        found = Found(values, nodes, clock, stack, namespace)
         findings = [*machine.machine(), *found.findings]
         for bus in found.buses.values():
             findings += [*devices.traffic(bus), devices.node_ids(bus)]
@@ -155,31 +163,34 @@ def check(
 
 @click.command()
 @click.option("--params", type=click.Path(exists=True, dir_okay=False),
-              help="Parameter file, in place of the packaged params/bench.yaml.")
+              help="Parameter file, in place of the packaged params/hardware.yaml.")
 @click.option("--simulation", is_flag=True,
               help="Look at the simulated rig: `bringup --only sim_rig --wall-clock` runs beside.")
 @click.option("--devices", "makes", default="", metavar="NAME,...",
               help="Makes of the devices, like epos4,sick_ahm36 (params/devices).")
+@click.option("--namespace", default="", help="Of the robot, like /left: its sections of the file.")
 @click.option("--without", multiple=True, type=click.Choice(NODES),
               help="Leave the devices of this node out (repeat for more).")
 @click.option("--move", default=10.0, help="Seconds in which somebody moves the handle, 0 = none.")
 @click.option("--seconds", default=60.0, help="Seconds of samples, 0 = none.")
 def command(
-    params: str | None, simulation: bool, makes: str, without: tuple[str, ...], move: float,
-    seconds: float,
+    params: str | None, simulation: bool, makes: str, namespace: str, without: tuple[str, ...],
+    move: float, seconds: float,
 ) -> None:  # fmt: skip
     """Look at computer, buses and devices before the first start. No drive is ever enabled."""
-    packaged = resource_path("params/sim.yaml" if simulation else "params/bench.yaml")
+    packaged = resource_path("params/sim.yaml" if simulation else "params/hardware.yaml")
     path = Path(params) if params else packaged
     click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
     try:
-        values = values_of(load_yaml(path))
+        above = parameter_files.above(namespace)
+        values = values_of(str(path), above)
         for kind, name in by_kind(makes).items():
             for node in DRIVERS[kind]:
                 own = load(name).simulated.parameters if simulation else {}
                 values[node].update(own, profile=name)
         nodes = [node for node in NODES if node not in without]
-        findings = check(values, nodes, WallClock(), move, seconds, click.echo)
+        findings = sections(str(path), above, values, nodes)
+        findings += check(values, nodes, WallClock(), move, seconds, click.echo, above)
     except SettingError as error:
         raise click.ClickException(str(error)) from error
     click.echo(table(findings))

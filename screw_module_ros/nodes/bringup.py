@@ -23,10 +23,11 @@ import click
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
+from screw_module_ros.parameter_files import above, unread_sections
 from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, by_kind, load
 from screw_module_ros.resources import resource_path
 
-from .support.arguments import arguments, unread_sections
+from .support.arguments import arguments
 from .support.place import keep_to_this_machine, open_to_network
 from .support.runtime import DUMP_STACKS, stop_on_signals
 
@@ -37,7 +38,10 @@ SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
 """Delay from SYNC to the effect of its command [s], measured by `make bench`; in simulated time."""
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
-BENCH_PARAMETERS = "params/bench.yaml"
+HARDWARE_PARAMETERS = "params/hardware.yaml"
+OLD_WORD = (
+    f"is {{}} now: the real robot, with {HARDWARE_PARAMETERS} (make bench tells how fast it runs)"
+)
 _IN_RIG = {DRIVE: "drive_profile", ENCODER: "encoder_profile", FORCE_SENSOR: "sensor_profile"}
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -84,9 +88,9 @@ def plan(
     Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
     table.
     """
-    default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
+    default = SIMULATION_PARAMETERS if simulation else HARDWARE_PARAMETERS
     path = params or str(resource_path(default))
-    above = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    within = above(namespace)
     known = [node for entry in table(composed) for node in entry.nodes]
     words = ["--params-file", path, *device_arguments(devices, simulation)]
     if simulation:
@@ -94,8 +98,8 @@ def plan(
     return Plan(
         chosen(simulation, only, without, composed),
         [*words, *extra],
-        above,
-        unread_sections(path, [*known, *BESIDE], above),
+        within,
+        unread_sections(path, [*known, *BESIDE], within),
     )
 
 
@@ -237,9 +241,9 @@ def start(simulation: bool = True, params: str | None = None, **wishes: Any) -> 
     planned = plan(simulation, params, **wishes)
     for sentence in planned.warnings:
         click.echo(f"bringup: {sentence}", err=True)
-    above = ["-r", f"__ns:={planned.namespace}"] if planned.namespace else []
+    placed = ["-r", f"__ns:={planned.namespace}"] if planned.namespace else []
     return [
-        Process(entry.executable, ["--ros-args", *planned.arguments(entry), *above])
+        Process(entry.executable, ["--ros-args", *planned.arguments(entry), *placed])
         for entry in planned.entries
     ]
 
@@ -249,8 +253,19 @@ def stop(processes: list[Process]) -> dict[str, int]:
     return {process.name: process.stop() for process in reversed(processes)}
 
 
+def _old_word(context: click.Context, option: click.Parameter, given: bool) -> None:
+    """Refuse the word of earlier versions, which could be taken for `make bench`."""
+    if given:
+        refused = click.ClickException(f"--bench {OLD_WORD.format('--hardware')}")
+        refused.exit_code = 2
+        raise refused
+
+
 @click.command()
-@click.option("--bench", is_flag=True, help="Real hardware: no sim_rig, params/bench.yaml.")
+@click.option(
+    "--hardware", is_flag=True, help=f"The real robot: no sim_rig, {HARDWARE_PARAMETERS}."
+)
+@click.option("--bench", is_flag=True, hidden=True, expose_value=False, callback=_old_word)
 @click.option(
     "--composed", is_flag=True,
     help="One process `module` in place of encoder, force_sensor, impedance_controller, amplifier.",
@@ -269,7 +284,7 @@ def stop(processes: list[Process]) -> dict[str, int]:
     help="Set a parameter, in place of the file's value (repeat for more).",
 )
 @click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
-def command(bench: bool, network: bool, values: tuple[str, ...], **wishes: Any) -> None:
+def command(hardware: bool, network: bool, values: tuple[str, ...], **wishes: Any) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     end_without_domain("bringup")
     stopping = threading.Event()
@@ -279,7 +294,7 @@ def command(bench: bool, network: bool, values: tuple[str, ...], **wishes: Any) 
         reach = open_to_network() if network else keep_to_this_machine()
         if reach:
             click.echo(f"bringup: {reach}", err=True)
-        processes = start(not bench, extra=extra, **wishes)
+        processes = start(not hardware, extra=extra, **wishes)
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
     codes = _watch(processes, stopping)

@@ -16,7 +16,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.drive_settings import DriveSettings, adapted
+from screw_module_ros.devices.drive_settings import JOINTS, SHARED, DriveSettings, adapted
 from screw_module_ros.geometry import PlanarArm, inverse, reaches
 from screw_module_ros.loop.plane import (
     JointSettings,
@@ -36,14 +36,13 @@ from .support.drives import PLANAR, DriveNode
 from .support.states import OK, WARN, Health, at_base, fill_plane, set_impedance
 from .support.topics import SlotInbox, offered, requested
 
-_JOINTS = {"shoulder": 3, "elbow": 4}
-"""Prefix of a drive's parameters -> node id."""
-
 
 class SharedSettings(NamedTuple):
-    """Settings that both drives share."""
+    """Settings that both drives share: those of `SHARED`."""
 
-    master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 113
+    master_id: Annotated[int, fields(DriveSettings)["master_id"].setting] = (
+        JOINTS["shoulder"].master_id
+    )
     profile: Annotated[str, fields(DriveSettings)["profile"].setting] = GENERIC_402
     waived: Annotated[str, fields(DriveSettings)["waived"].setting] = ""
     allow_no_heartbeat: Annotated[
@@ -61,16 +60,13 @@ class ManusNode(DriveNode):
     """One tick: SYNC, both positions, law, both torques."""
 
     def __init__(self) -> None:
-        super().__init__("manus", rate=500.0)
+        super().__init__("manus", rate=JOINTS["shoulder"].rate)
         self.parameters.declare(
             ManusSettings, PlaneLimits, SharedSettings, PlanarSettings, joints=JointSettings,
             freeze=FreezeSettings, arm=PlanarArm, slot=SlotLimits,
         )  # fmt: skip
-        for joint, node_id in _JOINTS.items():
-            self.parameters.declare_with(
-                DriveSettings, joint, ("rate", *SharedSettings._fields), node_id=node_id,
-                rated_torque=10.0, max_torque=25.0, counts_per_turn=65536,
-            )  # fmt: skip
+        for joint, own in JOINTS.items():
+            self.parameters.declare_with(DriveSettings, joint, ("rate", *SHARED), **own._asdict())
         self._state = at_base(PlanarState)
         self._latency_p99 = 0.0
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
@@ -107,7 +103,7 @@ class ManusNode(DriveNode):
         beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
         shoulder, elbow = (
             Drive(port, each, f"{joint} drive", beat, make=make)
-            for joint, each in zip(_JOINTS, settings, strict=True)
+            for joint, each in zip(JOINTS, settings, strict=True)
         )
         self.configure_drives(shoulder, elbow)
         self.check_bus_load([*shoulder.traffic, *elbow.traffic[1:]])
@@ -225,7 +221,7 @@ class ManusNode(DriveNode):
             "slot refused": self._slot.refused or "no",
             **self.port_values(self._plane.skipped),
         }
-        for joint, drive, part in zip(_JOINTS, self.drives, self._plane.joints, strict=True):
+        for joint, drive, part in zip(JOINTS, self.drives, self._plane.joints, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text
             values[f"{joint} heat [%]"] = f"{100.0 * part.warmth:.0f}"
             counters = device_values(drive.counters)

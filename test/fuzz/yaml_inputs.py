@@ -31,7 +31,8 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS, settings_from_yaml
 from screw_module_ros.nodes.bringup import plan
-from screw_module_ros.nodes.support.arguments import arguments, overrides, sections
+from screw_module_ros.nodes.support.arguments import arguments, overrides
+from screw_module_ros.parameter_files import sections
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol
@@ -80,9 +81,9 @@ class YamlInputs:
             linearization=default_linearization(),
         ))  # fmt: skip
         module = calibration.read_text("utf-8")
-        thesis, plant, sim, bench = (
+        thesis, plant, sim, hardware = (
             resource_path(f"params/{name}.yaml").read_text("utf-8")
-            for name in ("friction_thesis", "plant", "sim", "bench")
+            for name in ("friction_thesis", "plant", "sim", "hardware")
         )
         protocols = [resource_path(f"params/therapy/{n}.yaml").read_text("utf-8") for n in SHIPPED]
         return [
@@ -92,8 +93,8 @@ class YamlInputs:
             ("gain limits", lambda path: load_gain_limits(path, "SIM-1"), _gain_limits()),
             ("plant", load_world, [plant]),
             ("protocol", load_protocol, protocols),
-            ("parameter file", sections, [sim, bench]),
-            ("bringup's file", lambda path: plan(params=path), [sim, bench]),
+            ("parameter file", sections, [sim, hardware]),
+            ("bringup's file", lambda path: plan(params=path), [sim, hardware]),
         ]
 
     def case(self, rng: random.Random) -> None:

@@ -15,7 +15,6 @@ from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
-from screw_module_ros.settings_file import load
 
 PERIOD_NS = 1_000_000
 
@@ -215,13 +214,85 @@ def test_interface_without_iproute_or_not_there(tmp_path):
     assert machine.interface(BusSettings("rig", "encoder"), tmp_path) == []
 
 
-@pytest.mark.parametrize("name", ["bench.yaml", "sim.yaml"])
+@pytest.mark.parametrize("name", ["hardware.yaml", "sim.yaml"])
 def test_the_packaged_parameters_are_read(name):
-    values = values_of(load(resource_path(f"params/{name}")))
+    values = values_of(str(resource_path(f"params/{name}")))
     assert set(values) == set(NODES)
     bus = settings(BusSettings, values["amplifier"], "can.")
-    assert bus.channel == {"bench.yaml": "can0", "sim.yaml": "drive"}[name]
+    assert bus.channel == {"hardware.yaml": "can0", "sim.yaml": "drive"}[name]
     assert values["manus"]["shoulder.node_id"] == 3
+
+
+TWO_ROBOTS = """
+/left/encoder:
+  ros__parameters: {can.channel: can0, node_id: 5}
+left:
+  amplifier:
+    ros__parameters: {can: {channel: can2}, node_id: 6}
+/right/encoder:
+  ros__parameters: {can: {channel: can7}, node_id: 8}
+/**/force_sensor:
+  ros__parameters: {can.channel: can3}
+/**:
+  ros__parameters: {can.interface: virtual}
+"""
+
+
+@pytest.fixture
+def two_robots(tmp_path):
+    file = tmp_path / "two.yaml"
+    file.write_text(TWO_ROBOTS)
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "wanted"),
+    [
+        ("/left",
+         {"encoder": ("can0", 5), "amplifier": ("can2", 6), "force_sensor": ("can3", None)}),
+        ("/right", {"encoder": ("can7", 8), "force_sensor": ("can3", None)}),
+        ("", {"force_sensor": ("can3", None)}),
+    ],
+)  # fmt: skip
+def test_the_devices_of_the_robot_in_this_namespace_are_looked_at(two_robots, namespace, wanted):
+    """Of two encoders in one file, by full names and nested ones; what no section names is told."""
+    values = values_of(two_robots, namespace)
+    found = {
+        node: (given["can.channel"], given.get("node_id"))
+        for node, given in values.items() if "can.channel" in given
+    }  # fmt: skip
+    assert found == wanted
+    assert {given["can.interface"] for given in values.values()} == {"virtual"}
+
+
+def test_a_namespace_that_the_file_does_not_have_is_told(two_robots):
+    told = command.sections(two_robots, "/middle", values_of(two_robots, "/middle"), NODES)
+    assert [each.verdict for each in told if each.what == "parameter file"] == [UNKNOWN] * 3
+    assert any("left/amplifier: is no node of this robot" in each.found for each in told)
+
+
+def test_a_node_without_a_section_is_to_do(tmp_path):
+    file = tmp_path / "left.yaml"
+    file.write_text("/left/encoder: {ros__parameters: {node_id: 5}}")
+    values = values_of(str(file))
+    told = command.sections(str(file), "", values, ["encoder"])
+    assert [each.verdict for each in told] == [UNKNOWN, TO_DO]
+    assert told[1].found == f"no section of {file} is for /encoder"
+    assert "give --namespace" in told[1].todo
+
+
+def test_the_simulated_buses_are_those_of_the_namespace(bench, monkeypatch):
+    opened = []
+
+    def note(bus, clock):
+        opened.append(bus.channel)
+        return bench.ports["encoder"]
+
+    monkeypatch.setattr(command, "open_port", note)
+    with ExitStack() as stack:
+        command.Found({"encoder": {}}, ["encoder"], bench.clock, stack, "/left")
+        stack.pop_all()
+    assert opened == ["left/encoder"]
 
 
 def test_both_planar_drives_get_what_they_share(bench, monkeypatch):

@@ -70,13 +70,13 @@ class Robot(NamedTuple):
 
 
 def bench_file() -> dict:
-    """The parameters of `manus` in params/bench.yaml."""
-    content = yaml.safe_load((ROOT / "params/bench.yaml").read_text(encoding="utf-8"))
+    """The parameters of `manus` in params/hardware.yaml."""
+    content = yaml.safe_load((ROOT / "params/hardware.yaml").read_text(encoding="utf-8"))
     return content["/**/manus"]["ros__parameters"]
 
 
 def shipped_law(left: bool = False) -> PlanarSettings:
-    """The law with the numbers of params/bench.yaml; left: the elbow on the other side."""
+    """The law with the numbers of params/hardware.yaml; left: the elbow on the other side."""
     written = bench_file()
     law = PlanarSettings(
         arm=PlanarArm(**{name: written[f"arm.{name}"] for name in PlanarArm._fields}),

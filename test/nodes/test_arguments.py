@@ -16,11 +16,7 @@ from screw_module_ros.nodes.support.arguments import (
     Arguments,
     Rule,
     arguments,
-    matches,
-    only_for_all,
     overrides,
-    sections,
-    unread_sections,
 )
 from screw_module_ros.nodes.support.runtime import _begin
 from screw_module_ros.settings import SettingError
@@ -49,7 +45,7 @@ def test_a_rule_for_the_node_wins_over_one_for_all():
 @pytest.mark.parametrize(
     ("text", "value"),
     [("5e2", 500.0), ("1e-3", 0.001), ("[1e-3, 2.0]", [0.001, 2.0]), ("true", True), ("", ""),
-     ("soft", "soft"), ("2001-05-11", "2001-05-11"), ('"7"', "7")],
+     ("'1e3'", "1e3"), ("soft", "soft"), ("2001-05-11", "2001-05-11"), ('"7"', "7")],
 )  # fmt: skip
 def test_values_are_what_rcl_takes_them_for(text, value):
     assert values("n", "-p", f"x:={text}") == {"x": value}
@@ -86,9 +82,6 @@ def test_it_wins_over_a_file(make_node, tmp_path, key):
     assert node.get_parameter("rate").value == 500.0
 
 
-NODES = ("encoder", "amplifier")
-
-
 @pytest.fixture
 def file(tmp_path):
     """Return a maker of parameter files from text; it returns the path."""
@@ -99,50 +92,6 @@ def file(tmp_path):
         return str(path)
 
     return make
-
-
-@pytest.mark.parametrize(
-    ("pattern", "node", "fits"),
-    [
-        ("/**", "/a/encoder", True),
-        ("/**/encoder", "/encoder", True),
-        ("/**/encoder", "/a/b/encoder", True),
-        ("/**/encoder", "/a/encoder2", False),
-        ("/encoder", "/left/encoder", False),
-        ("/*/encoder", "/left/encoder", True),
-        ("/*/encoder", "/encoder", False),
-        ("/left/*", "/left/encoder", True),
-    ],
-)
-def test_patterns(pattern, node, fits):
-    assert matches(pattern, node) is fits
-
-
-def test_nested_namespaces_are_followed(file):
-    path = file("left:\n  encoder:\n    ros__parameters:\n      can: {port: 5}\n")
-    assert sections(path) == {"/left/encoder": {"can.port"}}
-
-
-def test_what_only_a_section_for_all_gives(file):
-    path = file(
-        "/**:\n  ros__parameters:\n    lead: 0.02\n    can: {port: 5}\n    rate: 1.0\n"
-        "/**/encoder:\n  ros__parameters: {rate: 2.0}\n"
-    )
-    assert only_for_all([sections(path)], "/encoder") == {"lead", "can.port"}
-
-
-def test_a_misspelt_node_is_told_with_the_right_one(file):
-    path = file(
-        "/**/encodr:\n  ros__parameters: {rate: 1.0}\n"
-        "/**/amplifier:\n  ros__parameters: {rate: 1.0}\n"
-        "camera:\n  ros__parameters: {rate: 1.0}\n"
-    )
-    first, second = unread_sections(path, NODES)
-    assert "/**/encodr: is no node of this robot; /**/encoder: is" in first
-    assert "camera: is no node of this robot; there are encoder, amplifier" in second
-    more = (*NODES, "camera")
-    assert len(unread_sections(path, more)) == 1
-    assert len(unread_sections(path, more, "/left")) == 2  # camera: is for /camera alone
 
 
 @pytest.mark.parametrize(
@@ -168,11 +117,6 @@ def test_a_file_that_is_none_is_refused_by_name(file, monkeypatch, text, told):
         _begin(Arguments([path], [], []))
     assert told in str(caught.value)
     assert not rclpy.ok()
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(SettingError, match="nothing.yaml cannot be read: No such file"):
-        sections(str(tmp_path / "nothing.yaml"))
 
 
 def given(planned, node: str) -> dict:
@@ -223,7 +167,7 @@ def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
         (["--params", "/nonexistent.yaml"], "/nonexistent.yaml"),
         (["--without", "encodr"], "no node 'encodr'"),
         (["--only", "encoder", "--without", "encoder"], "no node to start"),
-        (["--only", "sim_rig", "--bench"], "no node to start (hardware has no sim_rig)"),
+        (["--only", "sim_rig", "--hardware"], "no node to start (hardware has no sim_rig)"),
     ],
 )
 def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
@@ -232,6 +176,17 @@ def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
     done = CliRunner().invoke(bringup.command, words)
     assert done.exit_code in (1, 2)
     assert told in done.output
+
+
+def test_the_old_word_for_the_real_robot_answers_with_the_new_one(monkeypatch):
+    monkeypatch.setattr(bringup, "Process", None)
+    done = CliRunner().invoke(bringup.command, ["--bench"])
+    assert done.exit_code == 2
+    assert done.output.splitlines() == [
+        "Error: --bench is --hardware now: the real robot, with params/hardware.yaml (make bench "
+        "tells how fast it runs)"
+    ]
+    assert "--bench" not in CliRunner().invoke(bringup.command, ["--help"]).output
 
 
 @pytest.fixture

@@ -6,17 +6,18 @@ from __future__ import annotations
 import pytest
 import yaml
 
+from screw_module_ros.devices.drive_settings import JOINTS, SHARED, DriveSettings
 from screw_module_ros.graph import BUSES, GRAPH
-from screw_module_ros.nodes.bringup import BENCH_PARAMETERS, SIMULATION_PARAMETERS
+from screw_module_ros.nodes.bringup import HARDWARE_PARAMETERS, SIMULATION_PARAMETERS
 from screw_module_ros.plant.world import load_world
 from screw_module_ros.resources import resource_path
 
 FILES = {
     SIMULATION_PARAMETERS: [entry.executable for entry in GRAPH],
-    BENCH_PARAMETERS: [entry.executable for entry in GRAPH if not entry.simulation],
+    HARDWARE_PARAMETERS: [entry.executable for entry in GRAPH if not entry.simulation],
 }
 EVERY_NODE = "/**"
-NAMESPACES = {SIMULATION_PARAMETERS: "/left", BENCH_PARAMETERS: "/"}
+NAMESPACES = {SIMULATION_PARAMETERS: "/left", HARDWARE_PARAMETERS: "/"}
 PAIRS = [(file, node) for file, nodes in FILES.items() for node in nodes]
 
 
@@ -57,6 +58,13 @@ def test_the_node_takes_what_the_file_says(make_node, file, name):
         assert node.get_parameter(parameter).value == value
     for parameter in node.parameters._fields:
         assert len(node.describe_parameter(parameter).description) > 5, parameter
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_a_planar_drive_has_the_defaults_that_check_hardware_takes(make_node, joint):
+    node = make_node("manus")
+    shared = {name: node.get_parameter(name).value for name in ("rate", *SHARED)}
+    assert node.parameters.read(DriveSettings, joint)._replace(**shared) == JOINTS[joint]
 
 
 def test_home_position_is_where_the_rig_stands():

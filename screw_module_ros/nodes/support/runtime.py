@@ -26,9 +26,10 @@ from rclpy.signals import SignalHandlerOptions
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.lockstep.clock import SimulatedClock
+from screw_module_ros.parameter_files import Sections, only_for_all, sections
 from screw_module_ros.settings import SettingError
 
-from .arguments import Arguments, arguments, only_for_all, sections
+from .arguments import Arguments, arguments
 from .node import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Node
 from .place import AlreadyRunning, Lock, choose_transport, lock_node
 from .scheduling import RealtimeSettings, StartSettings, prepare, take_priority
@@ -103,7 +104,7 @@ def run_together(
         stopped()
 
 
-def _begin(given: Arguments) -> list[dict[str, set[str]]]:
+def _begin(given: Arguments) -> list[Sections]:
     """Begin with ROS; return the sections of the parameter files.
 
     Raises DomainError, SettingError also for what rcl refuses.
