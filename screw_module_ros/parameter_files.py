@@ -29,7 +29,7 @@ def sections(path: str) -> Sections:
     a malformed one.
     """
     found: Sections = {}
-    _collect(load(path), "", found)
+    _collect(load(path, for_ros=True), "", found)
     if not found:
         raise SettingError(f"parameter file {path} has no section with `{_PARAMETERS}:`")
     return found

@@ -167,7 +167,7 @@ def _value(kind: Any, value: Any, name: str) -> Any:
         return {str(key): _value(parts[1], part, f"{name}.{key}") for key, part in value.items()}
     if kind is float:
         if type(value) not in (int, float) or not abs(value) < 1e300:
-            raise SettingError(f"{text}: a finite number is wanted")
+            raise SettingError(f"{text}: a finite number is wanted (write 1.0e-4, not 1e-4)")
         return float(value)
     if kind is not Any and type(value) is not (outer or kind):
         raise SettingError(f"{text}: {(outer or kind).__name__} is wanted")

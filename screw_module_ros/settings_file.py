@@ -19,7 +19,7 @@ VERSION = 1
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """Refuses a key that is written twice; takes a date for text and 1e-3 for a number, as rcl."""
+    """Refuses a key that is written twice, and takes a date for text, as rcl does."""
 
     yaml_implicit_resolvers = {
         first: [pair for pair in pairs if pair[0] != "tag:yaml.org,2002:timestamp"]
@@ -35,19 +35,25 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         return super().construct_mapping(node, deep)
 
 
-# YAML 1.1, and so PyYAML, wants a point in a number with an exponent, and a sign after its e.
-_Loader.add_implicit_resolver(
+class _RosLoader(_Loader):
+    """Takes 1e-3 for a number too, as rcl; YAML 1.1 wants a point before e and a sign after it.
+
+    For what is written for ROS alone: PyYAML itself writes the text 1e5, of a digest maybe, so.
+    """
+
+
+_RosLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), "-+.0123456789"
 )
 
 
-def parse(text: str, where: str) -> Any:
+def parse(text: str, where: str, for_ros: bool = False) -> Any:
     """Return the content of a YAML text: mappings, lists, text, numbers, bools and None.
 
-    where: its name in messages. Raises SettingError with the line.
+    where: its name in messages. for_ros: 1e-3 is a number. Raises SettingError with the line.
     """
     try:
-        return yaml.load(text, _Loader)
+        return yaml.load(text, _RosLoader if for_ros else _Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f" in line {mark.line + 1}" if mark else ""
@@ -64,9 +70,12 @@ def read_text(path: str | Path) -> str:
         raise SettingError(f"{path} cannot be read: {reason}") from None
 
 
-def load(path: str | Path) -> Any:
-    """Return the content of a YAML file. Raises SettingError naming file, line and problem."""
-    return parse(read_text(path), str(path))
+def load(path: str | Path, for_ros: bool = False) -> Any:
+    """Return the content of a YAML file, like `parse`.
+
+    Raises SettingError naming file, line and problem.
+    """
+    return parse(read_text(path), str(path), for_ros)
 
 
 def read_file(path: str | Path, kind: type, form: str = "", version: int = VERSION) -> Any:

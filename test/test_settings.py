@@ -66,7 +66,7 @@ def test_what_is_written_plainly_is_read_back():
         ({"parts": [{"mass": 2.0}, {"turns": 1}]}, "parts[1].mass is missing"),
         ({"parts": [{"mass": 20.0}]}, "parts[0].mass = 20.0 kg: above the largest allowed, 10 kg"),
         ({"parts": [{"mass": True}]}, "parts[0].mass = True: a finite number"),
-        ({"parts": [{"mass": "1e-4"}]}, "parts[0].mass = '1e-4': a finite number is wanted"),
+        ({"parts": [{"mass": "1e-4"}]}, "parts[0].mass = '1e-4': a finite number is wanted (write"),
         ({"parts": [{"mass": 10**400}]}, "parts[0].mass = 1000"),
         ({"parts": [{"mass": math.nan}]}, "parts[0].mass = nan: a finite"),
         ({"parts": [{"mass": 1.0, "turns": 1.5}]}, "parts[0].turns = 1.5: int is wanted"),
@@ -126,6 +126,12 @@ def test_mappings_lists_and_scalars_are_as_usual():
     ]  # fmt: skip
     assert found["c"] == found["a"]
     assert parse("", "it") is None
+
+
+def test_a_digest_of_digits_and_one_e_stays_text_but_ros_takes_it_for_a_number():
+    text = "[1e3, 12345e67, '1e3']"
+    assert parse(text, "it") == ["1e3", "12345e67", "1e3"]
+    assert parse(text, "it", for_ros=True) == [1000.0, 12345e67, "1e3"]
 
 
 values = st.recursive(

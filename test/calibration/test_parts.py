@@ -44,7 +44,7 @@ def refusal(load, path, text, old, new) -> str:
         ("high_mm: 355.0", "high_mm: .nan", "high_mm = nan: a finite"),
         ("high_mm: 355.0", "high_mm: .inf", "high_mm = inf: a finite"),
         ("high_mm: 355.0", "high_mm: true", "high_mm = True: a finite"),
-        ("high_mm: 355.0", "high_mm: '1e2'", "a finite number is wanted"),
+        ("high_mm: 355.0", "high_mm: 1e2", "write 1.0e-4, not 1e-4"),
         ("high_mm: 355.0", "high_mm: -5.0", "high_mm: -5 is not above low_mm"),
         ("high_mm: 355.0", "high_mm: 355.0\nhigh_mm: 300.0", "'high_mm' is written twice in line"),
         ("lead_mm: 19.05", "lead_mm: 0.0", "lead_mm = 0.0 mm: below the smallest allowed, 0.1 mm"),

@@ -67,7 +67,7 @@ def overrides(name: str, rules: Iterable[Rule]) -> list[Parameter]:
 
 def _parameter(name: str, text: str) -> Parameter:
     label = f"parameter {name} = {shown(text)}"
-    value = parse(text, label)
+    value = parse(text, label, for_ros=True)
     try:
         return Parameter(name, value="" if value is None else value)
     except (TypeError, ValueError) as error:
