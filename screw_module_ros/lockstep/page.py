@@ -62,6 +62,10 @@ def _limit(timeout_s: float) -> Any:
     return ctypes.byref(_Timespec(int(timeout_s), int(timeout_s % 1.0 * 1e9)))
 
 
+class NoMemory(OSError):
+    """There is no shared memory for the page; the message says why and the way out."""
+
+
 class TableFull(RuntimeError):
     """More threads or ends of channels than the page has rows for."""
 
@@ -92,7 +96,7 @@ class Page:
     waiter: memoryview[int]
 
     def __init__(self, name: str):
-        """Open the page called `name`, or create it. Raises OSError."""
+        """Open the page called `name`, or create it. Raises OSError, NoMemory."""
         self.path = _FOLDER / f"screw_module_ros_{os.getuid()}_{name}"
         self._lock = threading.Lock()  # a file lock does not exclude threads of the same process
         self._file = _opened_and_locked(self.path)
@@ -350,7 +354,26 @@ def _opened_and_locked(path: Path) -> int:
         fcntl.flock(file, fcntl.LOCK_EX)
         with suppress(FileNotFoundError):
             if os.fstat(file).st_ino == os.stat(path).st_ino:
-                if os.fstat(file).st_size < _SIZE:
-                    os.ftruncate(file, _SIZE)
+                _take_memory(file, path)
                 return file
         os.close(file)
+
+
+def _take_memory(file: int, path: Path) -> None:
+    """Make the file as long as a page, with memory behind each byte of it.
+
+    A file that is only made longer has no memory yet: in a full /dev/shm its first use would end
+    the process (SIGBUS). Raises NoMemory and leaves nothing behind; the caller has locked the file.
+    """
+    if os.fstat(file).st_size >= _SIZE:
+        return
+    try:
+        os.posix_fallocate(file, 0, _SIZE)
+    except OSError as error:
+        path.unlink()
+        os.close(file)
+        raise NoMemory(
+            f"no shared memory for simulated time: {_SIZE} bytes in {path.parent} are wanted "
+            f"({error.strerror}); remove what fills it (`ls -lS {path.parent}`), or simulate by "
+            "wall clock (--wall-clock)"
+        ) from None

@@ -26,6 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.lockstep.clock import SimulatedClock
+from screw_module_ros.lockstep.page import NoMemory
 from screw_module_ros.parameter_files import Sections, only_for_all, sections
 from screw_module_ros.settings import SettingError
 
@@ -91,7 +92,7 @@ def run_together(
         if reach:
             nodes[0].get_logger().warning(reach)
         return 0 if _live(nodes, loop) else 1
-    except (SettingError, DomainError, AlreadyRunning, RCLError) as error:
+    except (SettingError, DomainError, AlreadyRunning, NoMemory, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
