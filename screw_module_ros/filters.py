@@ -34,6 +34,9 @@ class VelocityState(NamedTuple):
 
 RECENT = 0.8
 """Time constant with which a largest recent size falls [s]."""
+AT_REST = 1e-12
+"""Filtered velocity of a position that no longer changes which counts as none [unit/s]: below it a
+low pass only divides its last number, down to the smallest one of a float, where it stays."""
 LONGEST_GAP = 10
 """Lost samples; after more of them the velocity restarts and is not filtered through the gap."""
 
@@ -148,4 +151,6 @@ def velocity_step(
     for _ in range(periods):
         smooth = coefficients.feedback * smooth + coefficients.gain * (raw + before)
         before = raw
+    if raw == 0.0 and -AT_REST < smooth < AT_REST:
+        smooth = 0.0
     return smooth, VelocityState(position, raw, smooth)

@@ -83,6 +83,24 @@ def test_velocity_of_one_count_a_period():
     assert state == pytest.approx((49 * 9.525e-7, 9.525e-4, 9.525e-4))
 
 
+@pytest.mark.parametrize("cutoff_hz", [5.0, 30.0, 250.0])
+@pytest.mark.parametrize("step", [9.525e-7, -9.525e-7, 1e-3])
+def test_at_rest_the_velocity_becomes_zero_and_not_the_smallest_number(cutoff_hz, step):
+    """A low pass alone divided it down to 5e-324 and stayed there: bags were full of it."""
+    coefficients = filters.lowpass_coefficients(cutoff_hz, 0.001)
+    velocity, state = filters.velocity_step(
+        coefficients, filters.velocity_settled(0.0), step, 0.001
+    )
+    seen = [velocity]
+    while velocity != 0.0 and len(seen) < 2000:
+        velocity, state = filters.velocity_step(coefficients, state, step, 0.001)
+        seen.append(velocity)
+    assert velocity == state.smooth == 0.0
+    assert min(map(abs, seen[:-1])) >= filters.AT_REST
+    velocity, state = filters.velocity_step(coefficients, state, 2.0 * step, 0.001)
+    assert velocity == pytest.approx(seen[0]), "it moves again"
+
+
 @pytest.mark.parametrize("periods", [2, filters.LONGEST_GAP])
 def test_lost_samples_count_as_an_even_motion(periods):
     even, _ = velocity_of([0.001 * k for k in range(9 + periods)], cutoff_hz=30.0)
