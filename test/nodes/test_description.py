@@ -21,7 +21,7 @@ from screw_module_msgs.msg import AmplifierState, PlanarState
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import MANUS, PlanarArm, Screw, forward, jacobian
-from screw_module_ros.nodes.endpoint_state import planar_joints, vertical_joint
+from screw_module_ros.nodes.endpoint_state import carried, planar_joints, vertical_joint
 from screw_module_ros.nodes.robot_description import robot_description
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,7 +105,7 @@ def test_the_handle_is_where_the_laws_have_it(arm_and_model, shoulder, elbow, he
     """For the joint_states that absolute angles become; the handle keeps its directions."""
     arm, model = arm_and_model
     plane = PlanarState(homed=True, joint_position=[shoulder, elbow])
-    values = {name: joint[0] for name, joint in planar_joints(plane).items()}
+    values = {name: joint[0] for name, joint in planar_joints(carried(plane, 0)).items()}
     pose = model.pose("handle", {**values, "vertical": height})
     assert pose[:3, 3] == pytest.approx([*forward(shoulder, elbow, arm), height], abs=1e-12)
     assert pose[:3, :3] == pytest.approx(np.eye(3), abs=1e-12)
@@ -131,7 +131,7 @@ def test_effort_times_speed_is_the_motors_power(shoulder, elbow, first, second, 
     """In the URDF's joints as in the motors' own."""
     plane = PlanarState(homed=True, joint_position=[shoulder, elbow],
                         joint_velocity=[fast, slow], measured_torque=[first, second])  # fmt: skip
-    power = sum(speed * effort for _, speed, effort in planar_joints(plane).values())
+    power = sum(speed * effort for _, speed, effort in planar_joints(carried(plane, 0)).values())
     assert power == pytest.approx(first * fast + second * slow, abs=1e-9)
 
 
@@ -141,7 +141,7 @@ def test_the_force_of_a_joint_torque_is_the_laws():
     fx, fy = 12.0, -7.0
     plane = PlanarState(homed=True, joint_position=[0.4, 1.9],
                         measured_torque=[xs * fx + ys * fy, xe * fx + ye * fy])  # fmt: skip
-    joints = planar_joints(plane)
+    joints = planar_joints(carried(plane, 0))
     # With the elbow held, the shoulder's torque is the force's moment about the base.
     x, y = forward(0.4, 1.9)
     moment = (x - MANUS.base_x) * fy - (y - MANUS.base_y) * fx
@@ -156,7 +156,7 @@ def test_the_vertical_effort_is_a_force():
 
 
 def test_what_is_not_homed_is_left_out():
-    assert planar_joints(None) == planar_joints(PlanarState()) == {}
+    assert planar_joints(carried(None, 0)) == planar_joints(carried(PlanarState(), 0)) == {}
     assert vertical_joint(None, None, Screw()) == {}
     encoder = SimpleNamespace(homed=False, position=0.2, velocity=0.0)
     assert vertical_joint(encoder, AmplifierState(), Screw()) == {}
