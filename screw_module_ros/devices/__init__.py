@@ -5,6 +5,7 @@ canopen, sdo, pdo   what CANopen devices share (CiA 301): life cycle, parameters
 emcy                names of emergencies
 polled              one request and one answer per tick
 motion              wrapping counts to position and velocity of nut and joints, homed on the host
+doubt               of two references that differ (homings, tares) neither counts at once
 encoder             CiA 406 encoder of the screw; encoder_setup
 drive               CiA 402 drives: drive_setup configures, drive_guards is what stops them by
                     themselves, drive_logic decides, cia402 is the state machine, drive_reports

@@ -18,10 +18,11 @@ from ..samples import SEQUENCE_MASK, EncoderReading
 from ..settings import validated
 from . import encoder_setup as setup
 from .canopen import NMT_PRE_OPERATIONAL, CanopenDevice
+from .doubt import HOMING, Doubt
 from .emcy import Emergency
 from .encoder_setup import EncoderSettings
 from .errors import BusError, DeviceError, NotNow
-from .motion import FULL_RANGE, Motion, Rehoming, Unwrapper
+from .motion import FULL_RANGE, Motion, Unwrapper
 from .polled import FRESH, UNEXPECTED, WRONG_LENGTH, Polled
 from .reported import Reported
 
@@ -65,7 +66,7 @@ class Encoder(CanopenDevice):
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(FULL_RANGE)
         self._longest_gap_ns = math.inf
-        self._rehoming = Rehoming(settings.home_shift)
+        self._doubt = Doubt(settings.home_shift, HOMING, 1e3)
         self._homings = 0
         self._last: EncoderReading | None = None
         self._sampled_ns = 0
@@ -123,7 +124,7 @@ class Encoder(CanopenDevice):
         longest_ns = _longest_gap_ns(found * abs(self._metres))
         self._longest_gap_ns = max(1.5 * self._period_ns, longest_ns)
         self._motion.restart()
-        self._rehoming.forget()
+        self._doubt.forget()
         self._reported.restart(self._port.clock.now_ns())
         self._last = None
         self._poll.restart()
@@ -213,7 +214,7 @@ class Encoder(CanopenDevice):
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
         if elapsed_ns > self._longest_gap_ns:  # it may have wrapped unseen
             motion.homed = False
-            self._rehoming.forget()
+            self._doubt.forget()
         motion.take(count * self._metres, elapsed_ns)
         return EncoderReading(
             sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed,
@@ -226,7 +227,7 @@ class Encoder(CanopenDevice):
         """Declare that the nut stands at the reference mark; return that height [m].
 
         Raises NotNow without a recent sample, with a fault, or while the nut moves; the first
-        time also when it contradicts the last homing since `configure`: see `Rehoming`.
+        time also when it contradicts the last homing since `configure`: see `Doubt`.
         """
         last, settings = self._last, self.settings
         if self.fault or last is None or not self.running:
@@ -241,9 +242,9 @@ class Encoder(CanopenDevice):
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
                 f"(limit {settings.home_speed_limit:g} m/s)"
             )
-        if self.homed or self._rehoming.contradicted:
+        if self.homed or self._doubt.contradicted:
             mark, place = settings.home_position, self._motion.position
-            if refused := self._rehoming.rejection([mark], [place], self._port.clock.now_ns()):
+            if refused := self._doubt.rejection([mark], [place], self._port.clock.now_ns()):
                 self._motion.homed = False
                 raise NotNow(refused)
         self._motion.home(settings.home_position)
@@ -287,7 +288,7 @@ class Encoder(CanopenDevice):
     def _lose_configuration(self, why: str) -> None:
         self.intact = self.running = False
         self._motion.restart()
-        self._rehoming.forget()
+        self._doubt.forget()
         self.fault = why
 
     def reported(self, emergency: Emergency) -> None:

@@ -18,6 +18,7 @@ from ..settings import validated
 from . import ati
 from .ati import Dialogue, SensorIdentity
 from .canopen import UNWATCHED_NS
+from .doubt import TARE, Doubt
 from .errors import BusError, NotAnswering, NotConfigured, NotNow, Occupied, WrongDevice
 from .force_sensor_settings import (
     ANY_CALIBRATION,
@@ -66,6 +67,7 @@ class ForceSensor:
         self.voltages: dict[str, int] = {}
         self.bias: Wrench = _NO_WRENCH
         self.tared = False
+        self._doubt = Doubt(settings.tare_shift, TARE)
         self._port = port
         self._label = label
         self._dialogue = Dialogue(port, settings.base_id, label, settings.timeout)
@@ -327,11 +329,17 @@ class ForceSensor:
         """Make the mean of `readings` the new zero; return the bias now in use [N, Nm].
 
         Raises NotNow when there are too few readings, one is unusable, the gauges are frozen, or
-        the handle is loaded or moved.
+        the handle is loaded or moved; the first time also when the new zero contradicts that of the
+        last tare since the board's start: see `Doubt`.
         """
         if self._frozen:
             raise NotNow(self.fault)
         mean = mean_wrench(readings, self.settings)
+        if self.tared or self._doubt.contradicted:
+            now_ns = self._port.clock.now_ns()
+            if refused := self._doubt.rejection((0.0, 0.0, 0.0), mean[:3], now_ns):
+                self.tared = False
+                raise NotNow(refused)
         self._earlier.append((self.bias, self.tared))
         self.bias = tuple(old + new for old, new in zip(self.bias, mean, strict=True))
         self.tared = True
@@ -344,6 +352,7 @@ class ForceSensor:
 
     def _lose_tare(self) -> None:
         self.tared = False
+        self._doubt.forget()
         self._earlier = [(bias, False) for bias, _ in self._earlier]
 
     def poll_slow(self) -> None:

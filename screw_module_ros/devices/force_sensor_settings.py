@@ -49,6 +49,10 @@ class ForceSensorSettings(NamedTuple):
     tare_spread_limit: Annotated[
         float, Setting("taring is refused above this standard deviation", "N", 0.0, 100.0)
     ] = 3.0
+    tare_shift: Annotated[
+        float, Setting("largest shift of the zero against the last tare without a second call", "N",
+                       0.0, 500.0)
+    ] = 2.0  # ours: above a day's drift, below what a patient who holds the handle pushes with
     freeze_time: Annotated[
         float, Setting("unchanged gauges for this time are a fault, 0 = off", "s", 0.0, 60.0)
     ] = 0.5

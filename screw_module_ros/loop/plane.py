@@ -23,10 +23,11 @@ from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_st
 from ..control.planar_settings import PlanarSettings
 from ..control.slot import SlotLimits
 from ..devices import drive_group
+from ..devices.doubt import HOMING, Doubt
 from ..devices.drive import Drive
 from ..devices.drive_settings import DriveSettings
 from ..devices.errors import BusError, DeviceError
-from ..devices.motion import Motion, Rehoming
+from ..devices.motion import Motion
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
 from ..safety.checks import FreezeSettings, Frozen, Stream, force_problem
 from ..safety.latch import Age
@@ -191,7 +192,7 @@ class Plane:
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
         self._wires = wires or PlaneWires()
         self._period_ns = period_ns
-        self._rehoming = Rehoming(joints.home_shift)
+        self._doubt = Doubt(joints.home_shift, HOMING, 1e3)
         self._heat_ns = self._clock.now_ns()
         self.restart()
 
@@ -433,7 +434,7 @@ class Plane:
         """Declare that the handle stands at the reference mark; return why not, empty if done.
 
         Refused while enabled, moving or without answers. Needs a second call when it contradicts
-        the last homing (`Rehoming`). The loop carries it out. clock: of the wait.
+        the last homing (`Doubt`). The loop carries it out. clock: of the wait.
         """
         return self.permit.requests.ask(lambda: self.take_home(clock.now_ns()), clock)
 
@@ -451,10 +452,10 @@ class Plane:
                     "reference mark"
                 )
         mark = settings.home_x, settings.home_y
-        if self.homed or self._rehoming.contradicted:
+        if self.homed or self._doubt.contradicted:
             shoulder, elbow = self.motions
             place = forward(shoulder.position, elbow.position, self.settings.arm)
-            if refused := self._rehoming.rejection(mark, place, now_ns):
+            if refused := self._doubt.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False
                 return refused
@@ -480,7 +481,7 @@ class Plane:
         return problem
 
     def _lose_homes(self) -> None:
-        self._rehoming.forget()
+        self._doubt.forget()
         for joint in self.joints:
             joint.motion.restart()
 

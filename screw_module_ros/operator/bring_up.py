@@ -29,12 +29,13 @@ from .robot import Robot
 
 DRIVES = ("amplifier", "manus")
 _HOMINGS, _TARE = ("encoder/home", "manus/home"), "force_sensor/tare"
+_REFERENCES = (*_HOMINGS, _TARE)
 _ENABLINGS = {f"{drive}/enable" for drive in DRIVES}
 _MIDDLE, _BEYOND = 0.18, 0.02  # middle of the travel, and the stops' compression [m]
 _LOOK_S, _ANSWER_S = 0.02, 6.0
 _AGAIN_S = 1.1
-"""A homing that contradicts the last one counts when it is requested again, 1 s to 15 s later; the
-force sensor's diagnostics show a tare within 1 s."""
+"""A homing or tare that contradicts the last one counts when it is requested again, 1 s to 15 s
+later; the force sensor's diagnostics show a tare within 1 s."""
 _MORE_S = 0.1  # than the ramp, until all torque acts
 
 
@@ -234,7 +235,7 @@ def bring_up(
             enabled_ns = robot.clock.now_ns()
         refused = _refused(robot, step, called)
         step.after()
-        robot.pause(_AGAIN_S if refused and step.services[0] in _HOMINGS else _LOOK_S)
+        robot.pause(_AGAIN_S if refused and step.services[0] in _REFERENCES else _LOOK_S)
 
 
 def _refused(robot: Robot, step: Step, called: dict[str, int]) -> str:

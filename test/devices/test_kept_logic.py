@@ -14,8 +14,9 @@ import random
 import pytest
 
 from screw_module_ros.devices.cia402 import State
+from screw_module_ros.devices.doubt import HOMING, Doubt
 from screw_module_ros.devices.drive_logic import DriveLogic, ExcessTorque
-from screw_module_ros.devices.motion import Motion, Rehoming, Unwrapper
+from screw_module_ros.devices.motion import Motion, Unwrapper
 from screw_module_ros.devices.polled import RequestTracker
 
 MS = 1_000_000
@@ -107,7 +108,7 @@ def requests(chance: random.Random) -> list:
 def motion(chance: random.Random) -> list:
     """Counts that wrap, gaps, homings here and there, at the edges of what is accepted."""
     wraps = chance.choice((2, 7, 1000, 1 << 32))
-    unwrapper, moved, again = Unwrapper(wraps), Motion(30.0, MS), Rehoming(0.005)
+    unwrapper, moved, again = Unwrapper(wraps), Motion(30.0, MS), Doubt(0.005, HOMING, 1e3)
     now_ns, lines, count = 10**9, [], 0
     for _ in range(300):
         elapsed_ns = MS * chance.choice((1, 1, 1, 2, 9))

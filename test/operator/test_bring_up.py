@@ -160,6 +160,8 @@ class PlayedRobot:
             self.seen = self.seen._replace(**{node: getattr(WORKING, node)})
         elif act == "home":
             self.seen = self.seen._replace(encoder=WORKING.encoder)
+        elif act == "tare":
+            self.seen = self.seen._replace(force_level=WORKING.force_level)
         return SimpleNamespace(success=True, message="done")
 
     def pause(self, seconds):
@@ -189,6 +191,14 @@ def test_a_refused_homing_is_asked_for_again_when_it_can_count(brought_up):
     assert operation.services == {"encoder/home", "amplifier/enable", "manus/enable"}
     assert operation.enabled_ns == enabling[0][1]
     assert robot.clock.now_ns() - operation.enabled_ns >= 0.6e9, "the torque has ramped in"
+
+
+def test_a_refused_tare_is_asked_for_again_when_it_can_count(brought_up):
+    robot = PlayedRobot(WORKING._replace(**IS_OFF, **ILL), {"force_sensor/tare": 1})
+    brought_up(robot)
+    (first, at), (again, later), *_ = robot.asked
+    assert (first, again) == ("force_sensor/tare", "force_sensor/tare")
+    assert 1e9 < later - at < 15e9
 
 
 def test_an_axis_is_not_enabled_while_the_other_refuses(brought_up):
