@@ -7,6 +7,7 @@ import {
   isUnderWay, named, ownToken,
 } from "../link.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
+import { makeFullScreen } from "./awake.js";
 import { FruitGame, drawApple } from "./fruit.js";
 import { SCENES, drawSign } from "./scenes.js";
 
@@ -260,10 +261,7 @@ function makeButtons() {
     $("sound").setAttribute("aria-pressed", isOn);
   };
   $("back").onclick = () => choose(null);
-  $("full").onclick = () => {
-    if (document.fullscreenElement) document.exitFullscreen();
-    else document.documentElement.requestFullscreen?.().catch(() => {});
-  };
+  makeFullScreen($("full"));
   for (const [id, make] of [
     ["fruit", () => new FruitGame()], ["free", () => "free"],
   ]) {
