@@ -122,6 +122,7 @@ class ImpedanceControllerNode(Node):
         self._load(chosen)
         self._subscribe()
         self._senders = self.senders(*(topic for topic in _ONE_SENDER if topic not in self.direct))
+        self._pullers = self.senders(graph.SETPOINT)
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
@@ -376,7 +377,7 @@ class ImpedanceControllerNode(Node):
             return Health(ERROR if self.alarm else WARN, controller.reason, values)
         if controller.output.share < 1.0 and controller.mode != OFF:
             return Health(WARN, guarded(controller.output.share), values)
-        if warning := broken_contract(state):
+        if warning := broken_contract(state) or self._pullers.warning:
             return Health(WARN, warning, values)
         return Health(OK, f"running in {ALL_NAMES[controller.mode]}", values)
 

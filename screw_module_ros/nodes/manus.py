@@ -146,6 +146,7 @@ class ManusNode(DriveNode):
         self._take_force = inbox.subscribe(*requested(graph.FORCE))
         self._slot = SlotInbox(inbox, vertical=False)
         self.follow(inbox, PLANAR, alone=graph.FORCE)
+        self._pullers = self.senders(graph.SETPOINT)
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
@@ -227,6 +228,7 @@ class ManusNode(DriveNode):
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         health, share = self.drive_health(values, state), self._plane.share
-        if health.level == OK and share < 1.0:
-            return health._replace(level=WARN, message=guarded(share))
+        warning = guarded(share) if share < 1.0 else self._pullers.warning
+        if health.level == OK and warning:
+            return health._replace(level=WARN, message=warning)
         return health

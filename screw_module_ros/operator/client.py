@@ -42,6 +42,7 @@ from ..nodes.support.topics import Newest, is_served
 ANSWER_S = 10.0
 _SERVE_S = 0.5
 _POLL_NS = 20_000_000
+_AT_ONCE_NS = 500_000_000  # the lock step drops whoever holds its time for 1 s
 _STANDS_NS = 60_000_000_000  # wall clock: a stopped rig, as in a debugger, may continue
 _LOST_S = 1.0
 _READY_S = 90.0
@@ -188,6 +189,15 @@ class Client:
                 return False
             self.watch()
             self.clock.idle()  # each time: a condition that calls a service holds time afterwards
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+        return True
+
+    def met_at_once(self, condition: Callable[[], Any]) -> bool:
+        """Like `met`, by wall clock for half a second, while simulated time stands still."""
+        end_ns = _WALL.now_ns() + _AT_ONCE_NS
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                return False
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
         return True
 

@@ -83,11 +83,12 @@ class Robot(Client):
         super().__init__(*args, **kwargs)
         self._setpoint = EndpointSetpoint()
         self._setpoint.header.frame_id = "manus_base"
-        self._setpoints = Outlet(self.node, self.clock, *offered(graph.SETPOINT))
+        self._setpoints: Outlet | None = None  # from the first on: one node alone may have it
 
     def close(self) -> None:
         """Leave the graph."""
-        self._setpoints.close()
+        if self._setpoints is not None:
+            self._setpoints.close()
         super().close()
 
     # Requests ------------------------------------------------------------------------------
@@ -238,7 +239,13 @@ class Robot(Client):
         z: float = _NAN,
         velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Publish where the spring pulls [m], as a game does; NaN leaves an axis alone."""
+        """Publish where the spring pulls [m]; NaN leaves an axis alone.
+
+        With the first call this client becomes the sender of `setpoint`.
+        """
+        if self._setpoints is None:
+            self._setpoints = outlet = Outlet(self.node, self.clock, *offered(graph.SETPOINT))
+            self.met_at_once(lambda: outlet.heard)
         message = self._setpoint
         fill_stamp(message.header, self.clock.stamp_ns())
         message.position.x, message.position.y, message.position.z = x, y, z

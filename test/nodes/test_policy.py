@@ -23,7 +23,7 @@ def test_an_enclave_for_each_executable_and_no_other():
 
 def test_a_game_plays_and_does_no_more():
     game = policy()["game"]["game"]
-    assert game.publish == {"/rosout", "/parameter_events", "/setpoint", "/therapy/wish"}
+    assert game.publish == {"/rosout", "/parameter_events", "/therapy/wish"}
     assert game.subscribe == {CLOCK, "/endpoint_state", "/therapy/state", "/therapy/trial"}
     assert not game.request and not game.call and not game.execute
 
@@ -39,6 +39,14 @@ def test_only_who_must_commands_the_drive():
     enables = {node for enclave in found.values() for node, profile in enclave.items()
                if "/amplifier/enable" in profile.request}  # fmt: skip
     assert enables == {"operator", "characterize_client"}
+
+
+def test_the_door_without_a_games_limits_is_not_a_games():
+    """A wish is limited and yields to a session; a set point does neither."""
+    found = policy()
+    may = {node for enclave in found.values() for node, profile in enclave.items()
+           if "/setpoint" in profile.publish}  # fmt: skip
+    assert may == {"therapy_session", "operator", "characterize_client"}
 
 
 def test_only_the_therapy_node_takes_the_slot():

@@ -255,6 +255,12 @@ class Outlet:
             self._end = clock.publisher(self._publisher.topic_name)
             self.publish = partial(_publish_counted, self._end, self.publish)
 
+    @property
+    def heard(self) -> bool:
+        """Whether all subscriptions of the topic that are known to the node get its messages."""
+        known = self._node.count_subscribers(self._publisher.topic_name)
+        return 0 < known <= self._publisher.get_subscription_count()
+
     def close(self) -> None:
         """Destroy the publisher."""
         if self._end is not None:
