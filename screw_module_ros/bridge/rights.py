@@ -27,6 +27,7 @@ SERVICES = {
     "therapy_session/describe_parameters": _PARAMETERS + "DescribeParameters",
     "therapy_session/get_parameters": _PARAMETERS + "GetParameters",
     "therapy_session/set_parameters": _PARAMETERS + "SetParameters",
+    "session_recorder/count": "screw_module_msgs/srv/CountSessions",
     "session_recorder/stop": _TRIGGER,
     STOP: _TRIGGER,
 }

@@ -18,7 +18,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.srv import StartRecording
+from screw_module_msgs.srv import CountSessions, StartRecording
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
@@ -31,8 +31,9 @@ from screw_module_ros.recording.recorder import (
     Status,
     file_hashes,
 )
-from screw_module_ros.recording.recover import unfinished
+from screw_module_ros.recording.recover import bag_names, unfinished
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.pseudonym import checked_pseudonym
 
 from .recording_parameters import NodeParameters
 from .recording_topics import Taps
@@ -84,6 +85,7 @@ class SessionRecorder(Node):
         self.serve(Trigger, "~/start", lambda _: self._on_start(self._named()))
         self.serve(StartRecording, "~/record", lambda request: self._on_start(request.name))
         self.serve(Trigger, "~/stop", self._on_stop, always=True)
+        self.serve(CountSessions, "~/count", self._count)
         self._status = self.create_publisher(*offered(graph.RECORDER_STATUS))
         self.periodic.every(self.clock, 1.0, self._each_second)
 
@@ -211,6 +213,11 @@ class SessionRecorder(Node):
             return "not recording"
         text = f"{self._folder}: {status.summary()}"
         return text if status.error else Done(text)
+
+    def _count(self, request: CountSessions.Request) -> str:
+        """Count the bags that `therapy_session` has named after a patient."""
+        sessions = len(bag_names(self._parent(), f"{checked_pseudonym(request.patient)}_"))
+        return Done(f"{sessions} recorded", sessions=sessions)
 
     def _each_second(self) -> None:
         taps = self._taps

@@ -59,6 +59,17 @@ def recover(bag: Path | str) -> Recovered:
     return Recovered(copy.folder, copy.message_count, problems)
 
 
+def bag_names(parent: Path, begin: str) -> set[str]:
+    """Return the names of the bags directly below `parent` that begin so, recovered ones once.
+
+    None while there is no such folder. Raises OSError if it cannot be read.
+    """
+    if not parent.exists():
+        return set()
+    found = (path for path in parent.iterdir() if path.name.startswith(begin) and path.is_dir())
+    return {path.name.removesuffix(ENDING) for path in found}
+
+
 def unfinished(parent: Path) -> list[Path]:
     """Return the bags directly below `parent` whose recorder ended without closing them."""
     return [

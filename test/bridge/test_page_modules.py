@@ -598,3 +598,151 @@ def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
     assert [checked_pseudonym(each) for each in made] == made
     assert fits == [True] * 301 + [False] * 3
     assert not PATTERN.fullmatch("P-PETER")
+
+
+# Whether a pseudonym is known --------------------------------------------------------------
+
+
+COUNTED_SESSIONS = PLAYED_DOCUMENT + """
+    const { SessionCard } = await import("./js/therapist/session.js");
+    const asked = [], answers = {}, tick = () => new Promise((resolve) => setTimeout(resolve));
+    const card = new SessionCard([{ name: "a", protocol: "a" }], (service, args) => {
+      asked.push([service, args.patient]);
+      return answers[args.patient] ?? Promise.resolve({ success: true, sessions: 0 });
+    });
+    const type = (text) => { card.patient.value = text; card.patient.oninput(); return tick(); };
+    const told = () => card.counted.textContent;
+"""
+
+
+def test_beside_start_stands_whether_the_pseudonym_is_known(result_of):
+    """A mistyped one silently became a new patient."""
+    assert result_of(COUNTED_SESSIONS + """
+        answers["P-7K3QX"] = Promise.resolve({ success: true, sessions: 3 });
+        const result = [];
+        for (const text of ["p7k3q", "p7k3qx", "P-7K3QY", "P-7K3"]) {
+          await type(text);
+          result.push(told());
+        }
+        result.push(asked);
+    """) == ["", "session 4", "first session", "",
+             [["session_recorder/count", "P-7K3QX"], ["session_recorder/count", "P-7K3QY"]]]
+
+
+def test_an_answer_for_a_pseudonym_that_was_typed_over_is_not_shown(result_of):
+    assert result_of(COUNTED_SESSIONS + """
+        let late;
+        answers["P-7K3QX"] = new Promise((resolve) => { late = resolve; });
+        await type("P-7K3QX");
+        await type("P-7K3QY");
+        late({ success: true, sessions: 3 });
+        await tick();
+        const result = told();
+    """) == "first session"
+
+
+@pytest.mark.parametrize("answer", [
+    "Promise.reject(new Error('nobody offers it'))", "Promise.resolve({ success: false })",
+])  # fmt: skip
+def test_without_a_count_nothing_is_claimed(result_of, answer):
+    assert result_of(COUNTED_SESSIONS + f"""
+        answers["P-7K3QX"] = {answer};
+        await type("P-7K3QX");
+        const result = told();
+    """) == "sessions not known"
+
+
+def test_a_new_pseudonym_and_that_of_before_are_counted_and_a_session_that_runs_is_not(result_of):
+    assert result_of(COUNTED_SESSIONS + """
+        answers["P-7K3QX"] = Promise.resolve({ success: true, sessions: 3 });
+        const result = [];
+        card.fresh(); await tick(); result.push(told());
+        for (const state of [1, 3]) {
+          card.show({ state, patient: "P-7K3QX", protocol: "a" });
+          result.push(told());
+        }
+        card.sameAgain(); await tick(); result.push(told());
+    """) == ["first session", "", "", "session 4"]
+
+
+# The screen stays on -----------------------------------------------------------------------
+
+
+AWAKE = """
+const { Awake } = await import("./js/patient/awake.js");
+const heard = {}, held = [], tick = () => new Promise((resolve) => setTimeout(resolve));
+globalThis.document = {
+  visibilityState: "visible", addEventListener: (name, act) => { heard[name] = act; },
+};
+class Lock {
+  constructor() { this.released = false; held.push(this); }
+  async release() { this.released = true; }
+}
+Object.defineProperty(globalThis, "navigator", { configurable: true, value: {
+  wakeLock: { request: async (kind) => { if (kind !== "screen") throw kind; return new Lock(); } },
+} });
+const awake = new Awake();
+function show(state) { document.visibilityState = state; heard.visibilitychange(); return tick(); }
+const count = () => [held.length, held.filter(({ released }) => !released).length];
+"""
+
+
+def test_the_screen_stays_on_in_full_screen_and_again_after_the_page_was_hidden(result_of):
+    assert result_of(AWAKE + """
+        const result = [];
+        await show("visible"); result.push(count());
+        await awake.want(true); result.push(count());
+        await awake.want(true); result.push(count());
+        held[0].released = true; await show("hidden"); result.push(count());
+        await show("visible"); result.push(count());
+        await awake.want(false); result.push(count());
+        await show("visible"); result.push(count());
+    """) == [[0, 0], [1, 1], [1, 1], [1, 0], [2, 1], [2, 0], [2, 0]]
+
+
+def test_a_lock_that_comes_after_full_screen_was_left_is_given_back(result_of):
+    assert result_of(AWAKE + """
+        const asked = awake.want(true);
+        await awake.want(false);
+        await asked;
+        const result = count();
+    """) == [1, 0]
+
+
+@pytest.mark.parametrize("offered", ["{}", "{ wakeLock: { request: async () => { throw 1; } } }"])
+def test_a_browser_without_a_wake_lock_or_that_refuses_it_goes_on(result_of, offered):
+    assert result_of(AWAKE + f"""
+        Object.defineProperty(globalThis, "navigator", {{ value: {offered} }});
+        await awake.want(true);
+        await show("visible");
+        const result = [awake.isWanted, awake.lock];
+    """) == [True, None]
+
+
+def test_full_screen_keeps_the_screen_on(result_of):
+    """The button of the patient's screen, and the key that leaves full screen."""
+    assert result_of(AWAKE + """
+        const { makeFullScreen } = await import("./js/patient/awake.js");
+        const button = {}, result = [];
+        const change = (element) => {
+          document.fullscreenElement = element;
+          heard.fullscreenchange();
+        };
+        document.documentElement = { requestFullscreen: async () => change("page") };
+        document.exitFullscreen = () => change(null);
+        makeFullScreen(button);
+        button.onclick(); await tick(); result.push(count());
+        button.onclick(); await tick(); result.push(count());
+        button.onclick(); await tick(); change(null); await tick(); result.push(count());
+    """) == [[1, 1], [1, 0], [2, 0]]
+
+
+def test_where_there_is_no_full_screen_the_button_still_keeps_the_screen_on(result_of):
+    assert result_of(AWAKE + """
+        const { makeFullScreen } = await import("./js/patient/awake.js");
+        const button = {};
+        document.documentElement = {};
+        makeFullScreen(button);
+        button.onclick(); await tick();
+        const result = count();
+    """) == [1, 1]

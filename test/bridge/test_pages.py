@@ -45,7 +45,7 @@ class PlayedRobot(FakeGateway):
             (parameter,) = arguments["parameters"]
             values[parameter["name"]] = parameter["value"]["double_value"]
             return {"results": [{"successful": True, "reason": ""}]}
-        return {"success": True, "message": ""}
+        return {"success": True, "message": "", "sessions": 0}
 
     def move(self, **state):
         """Tell a moment of all topics of all robots; state: fields of therapy/state."""

@@ -88,6 +88,7 @@ SERVICES = {
     "/supervisor/estop": "std_srvs/srv/Trigger",
     "/supervisor/reset": "std_srvs/srv/Trigger",
     "/supervisor/lock_vertical": "std_srvs/srv/SetBool",
+    "/session_recorder/count": "screw_module_msgs/srv/CountSessions",
     "/session_recorder/record": "screw_module_msgs/srv/StartRecording",
     "/session_recorder/start": "std_srvs/srv/Trigger",
     "/session_recorder/stop": "std_srvs/srv/Trigger",

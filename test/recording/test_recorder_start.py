@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_hash import TypeHash
-from screw_module_msgs.srv import StartRecording
+from screw_module_msgs.srv import CountSessions, StartRecording
 from std_srvs.srv import Trigger
 
 from screw_module_ros.nodes import session_recorder
@@ -84,6 +84,25 @@ def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
     assert [folder.name for folder in folders] == ["P-7K3QX_clock", "by_hand"]
     folder = Path(called(recorder, "record", StartRecording))
     assert folder.name.startswith("session_2")
+
+
+def test_the_sessions_of_a_patient_are_counted(recorder, tmp_path):
+    """Each of his bags once, whatever became of it; a recovered copy is none of its own."""
+    (service,) = (each for each in recorder.services if each.srv_name.endswith("/count"))
+
+    def answer(patient):
+        return service.callback(CountSessions.Request(patient=patient), CountSessions.Response())
+
+    assert (answer("P-7K3QX").success, answer("P-7K3QX").sessions) == (True, 0), "no folder yet"
+    own = [f"P-7K3QX_clock_{end}" for end in ("1", "2", "2_recovered", "3_recovered")]
+    for name in (*own, "P-7K3QY_clock_1", "P-7K3QX", "session_1"):
+        (tmp_path / "bags" / name).mkdir(parents=True)
+    (tmp_path / "bags" / "P-7K3QX_notes").write_text("no bag")
+    assert (answer("P-7K3QX").sessions, answer("P-7K3QX").message) == (3, "3 recorded")
+    assert (answer("P-7K3QY").sessions, answer("P-7K3QZ").sessions) == (1, 0)
+    refused = answer("Erika")
+    assert not refused.success and "not a pseudonym" in refused.message
+    assert "Erika" not in refused.message and refused.sessions == 0
 
 
 @pytest.mark.parametrize("text", ["../x", "/tmp/x", "..", "a/b"])

@@ -24,9 +24,18 @@ _LONGEST = 300  # characters
 
 
 class Done(str):
-    """Message of a service that succeeded; a plain string is the message of a failure."""
+    """Message of a service that succeeded; a plain string is the message of a failure.
 
-    __slots__ = ()
+    fields: further fields of the response, by name.
+    """
+
+    fields: dict[str, Any]
+
+    def __new__(cls, text: str, **fields: Any) -> Done:
+        """Make it of a text, and of fields beside `success` and `message`."""
+        made = super().__new__(cls, text)
+        made.fields = fields
+        return made
 
 
 def carried_out(node: Any, action: Callable, request: Any, name: str, always: bool) -> str:

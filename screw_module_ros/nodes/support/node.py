@@ -187,6 +187,8 @@ class Node(LifecycleNode):
                 said = carried_out(self, action, request, name, always)
             response.success = not said or isinstance(said, Done)
             response.message = str(said) or done
+            for field, value in (said.fields if isinstance(said, Done) else {}).items():
+                setattr(response, field, value)
             then()
             return response
 

@@ -101,6 +101,7 @@ export const PAGE = {
   protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
   pause: "Pause", resume: "Resume", end: "End session", save: "Stop recording",
   write: "Write down, elsewhere, whose pseudonym this is.",
+  uncounted: "sessions not known",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
   limits: "Limits", unknown: "Not known yet.",
   hand: "Hand [cm] (arrow: its force)", above: "From above: far is up",
@@ -123,6 +124,11 @@ export function robotTitle(robot) {
 
 export function stopFailed(why) {
   return `The software stop failed: ${why}. Use the emergency stop.`;
+}
+
+// What stands beside Start; count: of the sessions recorded so far.
+export function sessionOf(count) {
+  return count ? `session ${count + 1}` : "first session";
 }
 
 export function again(patient) {

@@ -3,12 +3,13 @@
 
 import { el, say } from "../draw.js";
 import { PAUSED, RUNNING, STARTING, isUnderWay } from "../link.js";
-import { PAGE, again, failure } from "../words.js";
+import { PAGE, again, failure, sessionOf } from "../words.js";
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
 // with a digit: else a name of five letters would be one.
 const ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ";
 export const PATTERN = `P-(?=.*[2-9])[${ALPHABET}]{5}`;
+const WHOLE = new RegExp(`^${PATTERN}$`);
 
 export function newPseudonym() {
   const signs = [];
@@ -37,13 +38,17 @@ export class SessionCard {
       className: "pseudonym", pattern: PATTERN, value: "P-", maxLength: 7, required: true,
       autocomplete: "off", spellcheck: false, ariaLabel: PAGE.patient,
     });
-    this.patient.oninput = () => { this.patient.value = cleaned(this.patient.value); };
+    this.patient.oninput = () => {
+      this.patient.value = cleaned(this.patient.value);
+      this.count();
+    };
     this.new = el("button", { type: "button", onclick: () => this.fresh() }, PAGE.fresh);
     this.again = el("button", { type: "button", hidden: true, onclick: () => this.sameAgain() });
     this.protocol = el("select", { ariaLabel: PAGE.protocol }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
     this.record = el("input", { type: "checkbox", checked: true });
     this.start = el("button", { type: "submit", className: "primary" }, PAGE.start);
+    this.counted = el("span", { className: "counted", role: "status" });
     this.pause = this.button(PAGE.pause, "therapy_session/pause");
     this.resume = this.button(PAGE.resume, "therapy_session/resume");
     this.end = this.button(PAGE.end, "therapy_session/abort");
@@ -54,8 +59,8 @@ export class SessionCard {
         el("label", {}, PAGE.pseudonym, this.patient), this.new, this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
       el("div", { className: "row" },
-        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.pause,
-        this.resume, this.end, this.save));
+        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.counted,
+        this.pause, this.resume, this.end, this.save));
     form.noValidate = true;
     this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
@@ -68,11 +73,28 @@ export class SessionCard {
   fresh() {
     this.patient.value = newPseudonym();
     this.tell(PAGE.write, true);
+    this.count();
   }
 
   sameAgain() {
     this.patient.value = this.last;
     this.again.hidden = true;
+    this.count();
+  }
+
+  // Tells beside Start whether the pseudonym is known: a mistyped one would become a new patient.
+  async count() {
+    const patient = this.patient.value;
+    say(this.counted, "");
+    if (!WHOLE.test(patient)) return;
+    let words = PAGE.uncounted;
+    try {
+      const { success, sessions } = await this.call("session_recorder/count", { patient });
+      if (success) words = sessionOf(sessions);
+    } catch {
+      // The recorder does not run: Start says so where it matters.
+    }
+    if (patient === this.patient.value && !this.isOn) say(this.counted, words);
   }
 
   submit(event) {
@@ -119,6 +141,7 @@ export class SessionCard {
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
   take({ patient, protocol, state, recorded }) {
     this.patient.value = this.last = patient;
+    say(this.counted, "");
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
     const known = this.protocols.find((each) => each.protocol === protocol);
@@ -128,6 +151,7 @@ export class SessionCard {
   // After a session: the next patient's must not be kept under the pseudonym of the one before.
   clear() {
     this.patient.value = "P-";
+    say(this.counted, "");
     this.record.checked = true;
     this.again.textContent = again(this.last);
     this.again.hidden = false;
