@@ -4,7 +4,9 @@
 It speaks the subset of the rosbridge v2 protocol that roslibjs games need (source:
 ROSBRIDGE_PROTOCOL.md, version 2.1.0, of rosbridge_suite), as JSON without fragments or compression.
 Only a few answers are queued; of a topic the client gets only the newest message, of the kept ones
-(`rights.KEPT`) each. Everything happens in the server's thread, and nothing here waits for it.
+(`rights.KEPT`) each. In the other direction too the newest counts: of what a client publishes
+faster than it may, the newest message of each topic goes out as soon as it may. Everything happens
+in the server's thread, and nothing here waits for it.
 """
 
 from __future__ import annotations
@@ -53,6 +55,23 @@ class CutOff(Exception):
     """The bridge disconnects a client; the message says why."""
 
 
+class Allowance:
+    """A token bucket: `rate` a second on average [1/s], `burst` at once; times in ns."""
+
+    def __init__(self, rate: float, burst: float, now_ns: int):
+        self._rate, self._burst = rate, burst
+        self._left, self._at_ns = burst, now_ns
+
+    def take(self, now_ns: int) -> bool:
+        """Return whether one more is allowed now, and count it if so."""
+        gained = (now_ns - self._at_ns) * 1e-9 * self._rate
+        self._left, self._at_ns = min(self._burst, self._left + gained), now_ns
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
 @dataclass
 class Subscription:
     """A topic as the client spells it; number: of the last message sent; due_ns: of the next."""
@@ -75,28 +94,32 @@ class Client:
     ):  # fmt: skip
         self.role = role
         self._rights, self._gateway, self._limits, self._wake = rights, gateway, limits, wake
-        self._left, self._at_ns = limits.burst, now_ns  # a token bucket of messages
+        self._allowed = Allowance(limits.messages, limits.burst, now_ns)
+        self._bearable = Allowance(limits.flood, limits.flood, now_ns)
+        self._has_told_excess = False
+        self._held: dict[str, dict] = {}  # by topic the newest publish that had to wait
         self._topics: dict[str, Subscription] = {}
         self._answers: deque[str] = deque()
         self._calls: set[asyncio.Task] = set()
 
     def take(self, text: str, now_ns: int) -> None:
-        """Execute a text; what is wrong with it becomes an answer. Raises CutOff."""
-        self._spend(now_ns)
+        """Execute a text; what is wrong with it becomes an answer. Raises CutOff for a flood."""
+        if not self._bearable.take(now_ns):
+            raise CutOff(f"more than {self._limits.flood:g} messages a second: connect again")
         op: dict[str, Any] = {}
         try:
             op = _parsed(text)
             _check(op)
-            self.OPERATIONS[op["op"]](self, op)
+            self._carry_out(op, now_ns)
         except (Denied, ValueError, RecursionError) as error:
-            why = " ".join(str(error).split())
-            if op.get("op") == "call_service":  # its caller waits for a response, not a status
-                self._respond(op, why, False)
-            else:
-                self._put({"op": "status", "level": "error", "msg": why}, op)
+            self._refuse(op, error)
 
     def texts(self, now_ns: int) -> list[str]:
-        """Return the texts to send now: answers, and what is new in each topic that is due."""
+        """Return the texts to send now: answers, and what is new in each topic that is due.
+
+        Publishes what had to wait.
+        """
+        self._publish_held(now_ns)
         texts = list(self._answers)
         self._answers.clear()
         for topic, wanted in self._topics.items():
@@ -112,15 +135,38 @@ class Client:
         """Full names of its subscribed topics."""
         return frozenset(self._topics)
 
-    def _spend(self, now_ns: int) -> None:
-        """Take a message from the bucket, which fills at a constant rate. Raises CutOff."""
-        gained = (now_ns - self._at_ns) * 1e-9 * self._limits.messages
-        self._left, self._at_ns = min(self._limits.burst, self._left + gained) - 1.0, now_ns
-        if self._left < 0.0:
-            raise CutOff(
-                f"more than {self._limits.messages:g} messages a second: connect again, and send "
-                "no more than the newest"
-            )
+    def _carry_out(self, op: dict, now_ns: int) -> None:
+        """Carry out an operation; hold or refuse it in excess. Raises Denied, ValueError."""
+        if self._allowed.take(now_ns) or _is_stop(op):
+            self.OPERATIONS[op["op"]](self, op)
+            return
+        excess = f"more than {self._limits.messages:g} messages a second"
+        if op["op"] != "publish":
+            raise Denied(f"{excess}: this one was not carried out; send it again")
+        self._held[self._place(op, PUBLISH, "topic").full] = op
+        if not self._has_told_excess:
+            self._has_told_excess = True
+            what = f"{excess}: of each topic the newest counts, the others are dropped"
+            self._put({"op": "status", "level": "warning", "msg": what}, op)
+
+    def _publish_held(self, now_ns: int) -> None:
+        """Publish the newest message of each topic that had to wait, as far as is allowed now."""
+        for topic in list(self._held):
+            if not self._allowed.take(now_ns):
+                return
+            op = self._held.pop(topic)
+            try:
+                self._publish(op)
+            except (Denied, ValueError) as error:
+                self._refuse(op, error)
+
+    def _refuse(self, op: dict, error: Exception) -> None:
+        """Answer an operation that was not carried out."""
+        why = " ".join(str(error).split())
+        if op.get("op") == "call_service":  # its caller waits for a response, not a status
+            self._respond(op, why, False)
+        else:
+            self._put({"op": "status", "level": "error", "msg": why}, op)
 
     # Operations ----------------------------------------------------------------------------
 
@@ -145,6 +191,7 @@ class Client:
 
     def _publish(self, op: dict) -> None:
         place = self._place(op, PUBLISH, "topic")
+        self._held.pop(place.full, None)  # it is older
         self._gateway.publish(place.full, op.get("msg") or {})
 
     def _call(self, op: dict) -> None:
@@ -220,6 +267,11 @@ def _check(op: dict[str, Any]) -> None:
     name = op.get("op")
     if not isinstance(name, str) or name not in Client.OPERATIONS:
         raise ValueError(f"op = {shown(name)}: one of {', '.join(Client.OPERATIONS)} is wanted")
+
+
+def _is_stop(op: dict[str, Any]) -> bool:
+    """Return whether it asks for the software stop, which is never too much."""
+    return op["op"] == "call_service" and str(op.get("service")).endswith(STOP)
 
 
 def _refuse_constant(name: str) -> None:

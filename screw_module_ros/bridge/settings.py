@@ -41,9 +41,16 @@ class Limits(NamedTuple):
     clients: Annotated[int, Setting("clients at once, at most", "", 1, 100)] = 16
     rate: Annotated[float, Setting("newest samples per topic and client", "Hz", 1.0, 100.0)] = 60.0
     messages: Annotated[
-        float, Setting("messages of a client, on average at most", "1/s", 5.0, 1000.0)
+        float, Setting("messages of a client that are carried out, on average at most; of more "
+                       "the newest of each topic counts", "1/s", 5.0, 1000.0)
     ] = 100.0
-    burst: Annotated[float, Setting("messages of a client in a burst", "", 10.0, 1000.0)] = 200.0
+    burst: Annotated[
+        float, Setting("messages of a client that are carried out in a burst", "", 10.0, 1000.0)
+    ] = 200.0
+    flood: Annotated[
+        float, Setting("messages of a client, on average, above which it is disconnected", "1/s",
+                       100.0, 10000.0)
+    ] = 500.0  # more than any screen shows pictures
     size: Annotated[int, Setting("largest message of a client", "bytes", 1024, 1_000_000)] = 16384
     patience: Annotated[
         float, Setting("time until a client that does not read is disconnected", "s", 0.2, 30.0)

@@ -296,12 +296,16 @@ def test_wrong_content_is_told_and_frees_the_call(gateway):
 # Bounds ------------------------------------------------------------------------------------
 
 
+def wish(number):
+    return text("publish", topic="/therapy/wish", msg={"number": number})
+
+
 def test_a_flood_is_cut_off_with_a_sentence(gateway):
     page = client(gateway)
     message = text("publish", topic="/therapy/attendance", msg={})
-    for _ in range(round(LIMITS.burst)):
+    for _ in range(round(LIMITS.flood)):
         page.take(message, 0)
-    with pytest.raises(CutOff, match="more than 100 messages a second"):
+    with pytest.raises(CutOff, match="more than 500 messages a second"):
         page.take(message, 0)
     assert len(gateway.published) == LIMITS.burst
 
@@ -310,7 +314,73 @@ def test_a_steady_client_is_never_cut_off(gateway):
     page = client(gateway)
     for number in range(6000):  # a minute at the rate that is allowed
         page.take(text("publish", topic="/therapy/attendance", msg={}), number * 10 * MS)
-    assert len(gateway.published) == 6000
+    assert len(gateway.published) == 6000 and sent(page) == []
+
+
+@pytest.mark.parametrize("rate", [60, 120, 144, 240, 480])
+def test_a_game_that_wishes_with_each_picture_plays_on(gateway, rate):
+    """For a minute; of what is too much the newest counts, and the game hears of it once."""
+    page, told, oldest = client(gateway), [], 0
+    for number in range(60 * rate):
+        now_ns = number * 1_000_000_000 // rate
+        page.take(wish(number), now_ns)
+        told += sent(page, now_ns)
+        oldest = max(oldest, number - gateway.published[-1][1]["number"])
+    carried_out = [content["number"] for _, content in gateway.published]
+    assert carried_out == sorted(carried_out)
+    most = min(60 * rate, 60 * LIMITS.messages + LIMITS.burst)
+    assert abs(len(carried_out) - most) <= 2
+    assert oldest <= -(-rate // round(LIMITS.messages))
+    if rate <= LIMITS.messages:
+        assert told == []
+    else:
+        ((op, level, what),) = [tuple(each.values()) for each in told]
+        assert (op, level) == ("status", "warning")
+        assert "more than 100 messages a second: of each topic the newest counts" in what
+
+
+def test_the_last_wish_of_too_many_still_goes_out(gateway):
+    page = client(gateway)
+    for number in range(400):
+        page.take(wish(number), 0)
+    assert gateway.published[-1][1] == {"number": LIMITS.burst - 1}
+    sent(page, 5 * MS)
+    assert gateway.published[-1][1] == {"number": LIMITS.burst - 1}  # not yet allowed
+    sent(page, 10 * MS)
+    assert gateway.published[-1][1] == {"number": 399}
+    sent(page, 1000 * MS)
+    assert len(gateway.published) == LIMITS.burst + 1
+
+
+def test_a_wish_that_had_to_wait_is_forgotten_for_a_newer_one(gateway):
+    page = client(gateway)
+    for number in range(400):
+        page.take(wish(number), 0)
+    page.take(wish(400), 10 * MS)
+    sent(page, 1000 * MS)
+    assert [each["number"] for _, each in gateway.published[-2:]] == [LIMITS.burst - 1, 400]
+
+
+def test_a_wrong_wish_that_had_to_wait_is_told(gateway):
+    page = client(gateway)
+    for number in range(400):
+        page.take(wish(number), 0)
+    page.take(text("publish", topic="/therapy/wish", msg={"bad": 1}), 0)
+    assert [each["level"] for each in sent(page, 10 * MS)] == ["warning", "error"]
+
+
+def test_in_excess_a_call_is_refused_with_a_response_but_not_the_software_stop(gateway):
+    def acts(page):
+        for number in range(400):
+            page.take(wish(number), 0)
+        page.take(PAUSE, 0)
+        page.take(text("call_service", service="/supervisor/estop"), 0)
+        yield
+
+    _, answer = run(gateway, acts)
+    assert (answer["id"], answer["result"]) == ("c1", False)
+    assert "not carried out" in answer["values"]
+    assert [service for service, *_ in gateway.calls] == ["/supervisor/estop"]
 
 
 def test_answers_nobody_fetches_do_not_pile_up(gateway):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from rcl_interfaces.msg import Log
@@ -12,10 +13,11 @@ from rcl_interfaces.srv import SetParameters
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState, PlanarState, SafetyState
 from screw_module_msgs.srv import StartTherapy
 
-from screw_module_ros.bridge.messages import as_json, filled, plain
+from screw_module_ros.bridge.messages import LEFT_ALONE, as_json, filled, plain
 from screw_module_ros.bridge.rights import ROLES, SERVICES, THERAPIST, TYPES
 from screw_module_ros.graph import interface_class
 
+DEFINITIONS = Path(__file__).parents[2] / "msg_defs"
 TOPIC_TYPES = {TYPES[name] for verb in ("subscribe", "publish") for name in ROLES[THERAPIST][verb]}
 
 
@@ -38,10 +40,34 @@ def test_arrays_of_every_make_are_lists():
 
 
 def test_null_is_no_number():
-    message = filled(EndpointSetpoint, {"position": {"x": None, "z": 1}})
-    assert math.isnan(message.position.x)
-    assert message.position.y == 0.0
-    assert message.position.z == 1.0
+    message = filled(PlanarState, {"position": [None, 1]})
+    assert math.isnan(message.position[0]) and message.position[1] == 1.0
+
+
+@pytest.mark.parametrize(("content", "position"), [
+    ({"position": {"x": 0.05, "y": -0.05}}, (0.05, -0.05, None)),
+    ({"position": {"z": 0}}, (None, None, 0.0)),
+    ({"position": {"x": None}}, (None, None, None)),
+    ({"position": {}, "velocity": {"x": 0.1}}, (None, None, None)),
+    ({}, (None, None, None)),
+])  # fmt: skip
+def test_an_axis_that_a_wish_does_not_name_is_left_alone(content, position):
+    """As 0 the height would pull the hand to the floor."""
+    message = filled(EndpointSetpoint, content)
+    assert tuple(plain(message.position).values()) == position
+    assert plain(message.velocity)["y"] == 0.0
+
+
+def test_where_nan_leaves_something_alone_the_definitions_say_so():
+    """Of all that a page can fill: a definition that comes to say so belongs to the table."""
+    said = set()
+    for kind in {TYPES[name] for name in ROLES[THERAPIST]["publish"]} | set(SERVICES.values()):
+        package, folder, name = kind.split("/")
+        file = DEFINITIONS / folder / f"{name}.{folder}"
+        if package == "screw_module_msgs" and "NaN" in file.read_text().partition("---")[0]:
+            said.add(name)
+    assert said == set(LEFT_ALONE)
+    assert LEFT_ALONE["EndpointSetpoint"] == ("position",)  # its velocity rests at 0
 
 
 def test_parameters_travel():

@@ -197,7 +197,7 @@ def test_a_subscription_brings_samples(server, gateway, run, connect):
 def test_a_flooding_client_is_cut_off_with_a_sentence(server, gateway, run, connect):
     page = connect(server, THERAPIST)
     message = '{"op":"publish","topic":"/therapy/attendance","msg":{}}'
-    told = run(answers(page, *[message] * 400))
+    told = run(answers(page, *[message] * 2000))
     assert "messages a second" in json.loads(told[-1])["msg"]
     assert page.close_code == 1008
     assert len(gateway.published) < 300

@@ -17,6 +17,7 @@ from screw_module_ros.bridge.tokens import tokens_in
 
 _ATTEND_S = 0.02  # wall clock; simulated time may pass faster than real time
 _CLOSING_S = 5.0
+_FLOOD = 50  # messages between two pauses
 _WORD = {"op": "publish", "topic": f"/{graph.THERAPY_ATTENDANCE}", "msg": {}}
 
 
@@ -49,7 +50,8 @@ class AttendingPage:
                 while not self._closing.is_set() and not reading.done():
                     with contextlib.suppress(ConnectionError):  # `_read` notes the reason
                         await self._ask(socket)
-                        await socket.send_json(_WORD)
+                        for _ in range(_FLOOD if self.floods else 1):
+                            await socket.send_json(_WORD)
                     self.sent += 1
                     await asyncio.sleep(0.0 if self.floods else _ATTEND_S)
                 reading.cancel()
