@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sim_rig`: the simulated robot, with the same CAN frames as the hardware.
 
-It communicates with the rest of the graph by CAN only; `sim/truth` is for tests and figures.
+Its devices communicate with the rest of the graph by CAN only; `sim/truth` is for tests and figures.
+The patient sees what the robot is asked for (`simulated_patient.py`).
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.lockstep.page import Page, alive
+from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
+from .simulated_patient import SimulatedPatient
 from .support.answering import Done
 from .support.node import Node
 from .support.place import lock_simulation
@@ -56,6 +59,10 @@ class SimulationSettings(NamedTuple):
         float, Setting("simulated seconds per second at most, 0 = no limit", "", 0.0, 1e3,
                        live=True)
     ] = 1.0
+    patient: Annotated[
+        str, Setting("who holds the handle: he follows what the robot is asked for; empty: the arm "
+                     "of the plant file", choices=("", *PATIENTS))
+    ] = ""
     truth_rate: Annotated[
         float, Setting(f"{graph.TRUTH} messages per second", "Hz", 1.0, 500.0)
     ] = graph.TOPICS[graph.TRUTH].rate
@@ -144,6 +151,8 @@ class SimRigNode(Node):
         settings = self.parameters.read(SimulationSettings)
         perturb = settings.perturb_seed if settings.perturb_seed >= 0 else None
         self._world = World(load_world(settings.plant_file or None, perturb), settings.seed)
+        if settings.patient:
+            self._world.set_arm(ArmSettings(patient=settings.patient))
         by_name = {bus.name: self._open(self.parameters.read(BusSettings, f"{bus.name}.can"))
                    for bus in graph.BUSES}
         self._rig = Rig(
@@ -154,6 +163,8 @@ class SimRigNode(Node):
             self.parameters.read(RigSettings, "devices"),
         )
         self.opened.callback(self._rig.close)
+        patient = SimulatedPatient(self, lambda: self._world.arm, self._move_hand)
+        self.opened.callback(patient.close)
         self._publish = self.outlet(*offered(graph.TRUTH))
         self._truth_due, self._clock_due = Due(settings.truth_rate), Due(_CLOCK_RATE)
         if self._page is not None:
@@ -227,7 +238,14 @@ class SimRigNode(Node):
             _xyz(request.omega),
             tuple(request.traits),
             tuple(request.values),
+            request.patient,
         )))
+
+    def _move_hand(self, movement: ArmSettings) -> None:
+        """Let the rig's thread send the patient's hand on its way."""
+        self._rig.call(lambda: self._world.set_arm(movement))
+        if self._page is not None:
+            self._page.wake_conductor()
 
     def _set_fixture(self, request: SetFixture.Request) -> str:
         return self._changed(lambda: self._world.set_fixture(

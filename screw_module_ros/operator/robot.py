@@ -55,10 +55,12 @@ def arm(
     stiffness: float = _NAN,
     damping: float = _NAN,
     traits: Mapping[str, float] | None = None,
+    patient: str = "",
 ) -> SetArm.Request:
     """Return a change of the simulated patient, in the units of SetArm.srv.
 
-    traits: by name, such as {"weight": 20.0, "carried": 0.0}; others stay as they are.
+    traits: by name, such as {"weight": 20.0, "carried": 0.0}; others stay as they are. patient: a
+    name for all of an arm, such as healthy; beside it only traits count.
     NaN and '' keep the present value. An axis with NaN as target, amplitude and omega continues its
     present path.
     """
@@ -73,6 +75,7 @@ def arm(
         omega=Vector3(**dict(zip("xyz", omega, strict=True))),
         traits=list(traits or ()),
         values=list(map(float, (traits or {}).values())),
+        patient=patient,
     )
 
 

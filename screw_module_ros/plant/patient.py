@@ -17,7 +17,8 @@ patient's own muscles carry the share `carried`; the rest hangs on the handle, w
 carried = 0 is a flaccid arm, of which the handle bears all; with carried = 1 the patient holds his
 arm up himself, and nothing hangs on the handle.
 
-A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`).
+A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`); a patient is a name for all
+of them (`PATIENTS`).
 """
 
 from __future__ import annotations
@@ -53,10 +54,33 @@ class HumanArm(NamedTuple):
         float, Setting("share of the weight that the patient carries himself: with 0 all hangs on "
                        "the handle, with 1 nothing", "", 0.0, 1.0)
     ]
+    follows: Annotated[
+        float, Setting("share of the way to where the robot is asked to go that the patient moves "
+                       "his hand by himself, 0: he follows nothing", "", 0.0, 1.0)
+    ]
+    reach_time: Annotated[
+        float, Setting("of a reach where he follows", "s", 0.1, 10.0)
+    ]
 
 
-TRAITS: dict[str, Field] = {name: fields(HumanArm)[name] for name in ("weight", "carried")}
+TRAITS: dict[str, Field] = {
+    name: fields(HumanArm)[name] for name in ("weight", "carried", "follows", "reach_time")
+}
 """What SetArm sets by name: a new trait is a field of `HumanArm` and its name here."""
+
+# A hand of 3 kg moves some 9 kg with the arm. 500 N/m and 20 Ns/m, damped by 0.15, pass a target
+# 0.14 m away by 30 mm in 0.9 s; a practised hand, damped by 0.5, by a few millimetres in 1.1 s.
+# A weak arm of 500 N/m held the hand where it stopped: with 8 N against a wall that takes all of a
+# trial's time to become that stiff, and the assistance brought it to no target. On the handle hangs
+# only a flaccid arm, all of it, as heavy as thesis 2.1.1 found one; there a tenth of 300 N/m acts
+# (ours).
+PATIENTS = {
+    "healthy": HumanArm(ACTIVE, 3.0, 800.0, 80.0, 20.0, 1.0, follows=1.0, reach_time=1.1),
+    "tremor": HumanArm(TREMOR, 3.0, 500.0, 20.0, 20.0, 1.0, follows=1.0, reach_time=1.2),
+    "weak": HumanArm(WEAK, 3.0, 200.0, 20.0, 20.0, 1.0, follows=0.8, reach_time=2.6),
+    "flaccid": HumanArm(RELAXED, 3.0, 300.0, 10.0, 20.0, 0.0, follows=0.0, reach_time=1.1),
+}
+"""Whole arms by name."""
 
 
 class ArmForce(NamedTuple):
@@ -170,6 +194,8 @@ class ArmSettings(NamedTuple):
     target: of the virtual hand, x, y from the centre, z from the bottom [m]; duration: of the
     minimum-jerk way there, 0 = at once [s]; amplitude [m], omega [rad/s]: of the sine about the
     target from then on; traits, values: names of `TRAITS` and what each becomes, as many of either.
+    patient: a name of `PATIENTS`, whose arm it becomes, with these traits; the virtual hand goes on
+    its way, and the other fields do not count.
     """
 
     kind: str = ""
@@ -182,6 +208,7 @@ class ArmSettings(NamedTuple):
     omega: Triple = (0.0, 0.0, 0.0)
     traits: tuple[str, ...] = ()
     values: tuple[float, ...] = ()
+    patient: str = ""
 
 
 class Patient(NamedTuple):
@@ -204,8 +231,14 @@ def moved_patient(patient: Patient, z: float) -> Patient:
 def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patient:
     """Return the patient after a change requested at time `now` [s].
 
-    Raises ValueError naming the invalid field or trait; then nothing has changed.
+    Raises ValueError naming the invalid field, trait or patient; then nothing has changed.
     """
+    if change.patient:
+        if change.patient not in PATIENTS:
+            known = ", ".join(PATIENTS)
+            raise ValueError(f"patient = {shown(change.patient)}: one of {known} is wanted")
+        arm = with_traits(PATIENTS[change.patient], change.traits, change.values)
+        return _with_tremor(arm, list(patient.paths))
     arm = with_traits(patient.arm, change.traits, change.values)
     if change.kind:
         arm = _replaced(arm, "kind", change.kind)

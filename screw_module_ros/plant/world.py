@@ -24,7 +24,7 @@ from .module import (
     resting_state,
     vertical_params,
 )
-from .patient import ArmSettings, arm_force, changed_patient, moved_patient, resting_patient
+from .patient import ArmSettings, HumanArm, arm_force, changed_patient, moved_patient, resting_patient
 from .planar import ManusInput, handle_place, planar_params, resting_plane
 from .sensor import (
     DRAWS,
@@ -252,6 +252,11 @@ class World:
             locked=self._fixture.locked,
             upside_down=self._fixture.upright < 0.0,
         )
+
+    @property
+    def arm(self) -> HumanArm:
+        """The patient's arm."""
+        return self._patient.arm
 
     def set_arm(self, arm: ArmSettings) -> None:
         """Change the patient's arm and send the virtual hand on its way.

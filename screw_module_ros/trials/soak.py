@@ -21,7 +21,6 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from datetime import datetime, timezone
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +50,7 @@ from ..therapy.replay import replayed
 from . import therapy
 from .bench import PageReader, free_port
 from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
-from .patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
+from .patient import Hand
 from .runner import GraphRun, command, new_folder, recordings_in, running
 
 WARM_UP_S = 60.0
@@ -65,7 +64,6 @@ _PATH_S = 9.0  # once around in the plane
 _RADIUS = 0.06  # [m]
 _AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
 _SHARED = "/dev/shm/"
-_PERSON = PEOPLE[HEALTHY]
 _WALL = WallClock()
 
 
@@ -160,7 +158,7 @@ def soak(
     beside = therapy.with_pages(port) if protocol else lambda graph: None
     with ExitStack() as stack:
         robot, graph = stack.enter_context(running("soak", console, nodes, beside))
-        ready = partial(therapy.make_ready, person=_PERSON) if protocol else make_ready
+        ready = therapy.make_ready if protocol else make_ready
         work = Work(robot, graph, ready(robot, console))
         bag = robot.start_recording()
         begun_ns = _WALL.now_ns()
@@ -249,13 +247,16 @@ class Work:
         self, protocol: str, patient: str, every: float, passed: Callable[[float], None]
     ) -> None:
         """Carry out a session with a healthy patient until it ends, or pauses by itself."""
-        player = SimulatedPlayer(self._robot, _PERSON)
+        states: list[TherapyState] = []
+        self._robot.node.create_subscription(
+            TherapyState, "therapy/state", states.append, topics.STATE
+        )
         request = StartTherapy.Request(protocol=protocol, patient=patient)
         self._robot.ask(StartTherapy, f"{therapy.SESSION}/start", request)
         for _ in self._steps(every):
-            player.look()
-            state = player.state
-            if state is None or state.state == TherapyState.IDLE:
+            state = states[-1] if states else TherapyState()
+            del states[:-1]
+            if state.state == TherapyState.IDLE:
                 continue
             if state.state != TherapyState.RUNNING:
                 self.stops += [state.reason] if state.reason else []

@@ -14,20 +14,23 @@ from pathlib import Path
 
 import click
 from screw_module_msgs.msg import ForceCommand, SafetyState
+from screw_module_msgs.srv import SetArm
 
 from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
 from ..operator.bring_up import bring_up
-from ..operator.robot import Robot
-from ..plant.patient import wrong_trait
+from ..operator.robot import Robot, arm
+from ..plant.patient import PATIENTS, wrong_trait
 from ..terminal import Console
-from .patient import HEALTHY, PEOPLE, Hand, Person, SimulatedPlayer
+from .patient import STILL, Hand
 from .runner import GraphRun, command, recordings_in, running
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 _FORCE_GAIN = 5.0
 _STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], [Ns/m]
+_CENTRE, _TO_CENTRE_S = (0.0, 0.0, 0.18), 0.5
 _LOOK_S = 0.05
+HEALTHY = "healthy"
 
 
 class _Trait(click.ParamType):
@@ -51,7 +54,7 @@ class _Trait(click.ParamType):
 
 @command("therapy")
 @click.option(
-    "--patient", type=click.Choice(sorted(PEOPLE)), default=HEALTHY, help="Simulated patient."
+    "--patient", type=click.Choice(sorted(PATIENTS)), default=HEALTHY, help="Simulated patient."
 )
 @click.option(
     "--trait", "traits", type=_Trait(), multiple=True, metavar="NAME=VALUE",
@@ -76,8 +79,8 @@ def therapy(
         extra += recordings_in(folder)
     nodes = GraphRun(extra=extra, composed=True)
     with running("therapy", console, nodes, with_pages(port, file_games)) as (robot, graph):
-        person = PEOPLE[patient].with_traits(traits)
-        serve(robot, person, port, tokens_in(token_file(graph)), console)
+        takes = arm(patient=patient, traits=dict(traits))  # of two of a name the last counts
+        serve(robot, takes, port, tokens_in(token_file(graph)), console)
 
 
 def with_pages(port: int, file_games: bool = False) -> Callable[[GraphRun], None]:
@@ -101,15 +104,19 @@ def token_file(graph: GraphRun) -> Path:
     return Path(graph.place.state.name) / "web_bridge" / "tokens.json"
 
 
-def serve(robot: Robot, person: Person, port: int, tokens: Tokens, console: Console) -> None:
-    """Bring the robot up, print the addresses, and move the patient's hand until Ctrl-C."""
-    hand, player = make_ready(robot, console, person), SimulatedPlayer(robot, person)
+def serve(
+    robot: Robot, takes: SetArm.Request, port: int, tokens: Tokens, console: Console
+) -> None:
+    """Bring the robot up, print the addresses, and reset a stop at Enter, until Ctrl-C.
+
+    takes: who takes hold of the handle.
+    """
+    hand = make_ready(robot, console, takes)
     click.echo("Open in a browser; Ctrl-C here ends everything.")
     for role, token in tokens._asdict().items():
         click.echo(f"  {role:9}  http://127.0.0.1:{port}/{role}#token={token}")
     told = False
     while True:
-        player.look()
         safety = robot.state(SafetyState)
         if safety is not None and safety.level == SafetyState.STOPPED:
             if not told:
@@ -123,9 +130,13 @@ def serve(robot: Robot, person: Person, port: int, tokens: Tokens, console: Cons
         robot.pause(_LOOK_S)
 
 
-def make_ready(robot: Robot, console: Console, person: Person) -> Hand:
-    """Bring the started robot to operation: homed, tared, hand on the handle, torque on."""
-    hand = Hand(robot, person.takes_hold())
+def make_ready(robot: Robot, console: Console, takes: SetArm.Request | None = None) -> Hand:
+    """Bring the started robot to operation: homed, tared, hand on the handle, torque on.
+
+    takes: who takes hold of the handle, a healthy patient by default; he goes to the centre.
+    """
+    to_centre = arm(_CENTRE, _TO_CENTRE_S, STILL, STILL)
+    hand = Hand(robot, takes or arm(patient=HEALTHY), to_centre)
     with console.step("homing and taring, patient takes hold, torque on"):
         robot.set_parameter("impedance_controller", "force_gain", _FORCE_GAIN)
         robot.set_impedance(_STIFFNESS, _DAMPING)

@@ -26,7 +26,7 @@ from runner import sentence
 from screw_module_msgs.srv import SetArm
 
 from screw_module_ros.nodes.support.node import Node
-from screw_module_ros.plant.patient import TRAITS
+from screw_module_ros.plant.patient import PATIENTS, TRAITS
 from screw_module_ros.trials.runner import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
@@ -100,6 +100,7 @@ class NodeRequests:
                     parameter.name = rng.choice(known)
         if kind is SetArm and rng.random() < 0.9:
             request.traits = [rng.choice((*TRAITS, "x")) for _ in request.values]
+            request.patient = rng.choice(("", "", *PATIENTS, "x"))
         return request
 
     def _note(self, name: str, answer: Any) -> None:

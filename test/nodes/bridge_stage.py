@@ -17,16 +17,15 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState, T
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.bring_up import bring_up
-from screw_module_ros.operator.robot import Robot
+from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.resources import resource_path
 from screw_module_ros.terminal import Console
-from screw_module_ros.trials.patient import Person, SimulatedPlayer
 from screw_module_ros.trials.runner import GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 DEADLINE_S = 400.0
-QUICK = Person("active", 0.4)
+QUICK = arm(patient="healthy", traits={"reach_time": 0.4})
 PATIENT = "P-7K3QX"
 PROTOCOL = "quick.yaml"
 MOVEMENTS = 8
@@ -49,7 +48,7 @@ class Stage:
 
     def __init__(self, folder: Path, port: int = 0):
         write_protocol(folder)
-        self.folder, self.plays = folder, True
+        self.folder = folder
         self.states: list[TherapyState] = []
         self.setpoints: list[EndpointSetpoint] = []
         self._given: queue.SimpleQueue[tuple[Callable, Future]] = queue.SimpleQueue()
@@ -109,6 +108,11 @@ class Stage:
         self.bridge = bringup.Process(BRIDGE, [*self._bridge_arguments, "-p", f"port:={port}"])
         self.ask(lambda robot: robot.wait_until_ready([BRIDGE]))
 
+    def play(self, follows: bool) -> None:
+        """Let the patient move his hand where he is asked to, or not."""
+        traits = {"follows": float(follows)}
+        self.ask(lambda robot: robot.set_arm(arm(traits=traits)))
+
     def switch_on(self) -> None:
         """Reset what stopped the robot and switch the torque on again."""
         self.ask(lambda robot: bring_up(robot, ForceCommand.FORCE_FEEDBACK, self.hand))
@@ -120,8 +124,6 @@ class Stage:
             with Robot("operator", watch=self.graph.watch, simulated=True) as robot:
                 self._begin(robot)
                 while not self._ending.is_set():
-                    if self.plays:
-                        self.player.look()
                     self._do_what_was_given(robot)
                     robot.pause(0.02)
         except BaseException as error:
@@ -133,7 +135,6 @@ class Stage:
         robot.wait_until_ready([*self.graph.names, SESSION, BRIDGE])
         robot.node.create_subscription(TherapyState, "therapy/state", self._hear, 50)
         robot.node.create_subscription(EndpointSetpoint, "setpoint", self.setpoints.append, 50)
-        self.player = SimulatedPlayer(robot, QUICK)
         self.hand = make_ready(robot, Console(quiet=True), QUICK)
         robot.wait_until(lambda: self.states, 10.0, "the session is silent")
         said = robot.said(BRIDGE)
@@ -150,20 +151,9 @@ class Stage:
         except queue.Empty:
             return
         try:
-            future.set_result(act(self._playing(robot)))
+            future.set_result(act(robot))
         except Exception as error:
             future.set_exception(error)
-
-    def _playing(self, robot: Robot) -> Robot:
-        """Let the patient go on playing in the operator's waits."""
-        if self.plays:
-            robot.watch = self._watch_and_play
-        return robot
-
-    def _watch_and_play(self) -> None:
-        self.graph.watch()
-        if self.plays:
-            self.player.look()
 
 
 class Page:

@@ -32,9 +32,9 @@ def run(coroutine):
 @pytest.fixture
 def nobody_plays(stage):
     """The patient rests: each movement lasts until it is given up, so no session ends by itself."""
-    stage.plays = False
+    stage.play(False)
     yield
-    stage.plays = True
+    stage.play(True)
 
 
 @contextlib.asynccontextmanager

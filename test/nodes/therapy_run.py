@@ -12,19 +12,21 @@ from screw_module_msgs.msg import AssistanceChange, TherapyState, TrialResult
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.terminal import Console
-from screw_module_ros.trials.patient import HEALTHY, PEOPLE, SimulatedPlayer
 from screw_module_ros.trials.runner import GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 
 class Patient:
-    """Plays what the screen shows; states, results, changes: what was told so far."""
+    """Plays what the screen shows; states, results, changes: what was told so far.
+
+    The rig's patient does so by himself; this one waits and listens.
+    """
 
     def __init__(self, robot: Robot):
         self.states: list[TherapyState] = []
         self.results: list[TrialResult] = []
         self.changes: list[AssistanceChange] = []
-        self._robot, self._player = robot, SimulatedPlayer(robot, PEOPLE[HEALTHY])
+        self._robot = robot
         make = robot.node.create_subscription
         make(TherapyState, "therapy/state", self.states.append, 50)
         make(TrialResult, "therapy/trial", self.results.append, 50)
@@ -32,12 +34,7 @@ class Patient:
 
     def until(self, condition, seconds: float, what: str) -> None:
         """Play until the condition holds."""
-
-        def holds():
-            self._player.look()
-            return condition()
-
-        self._robot.wait_until(holds, seconds, what)
+        self._robot.wait_until(condition, seconds, what)
 
     def until_state(self, wanted: int, seconds: float = 90.0) -> None:
         """Play until the session has come to a state."""
@@ -62,7 +59,7 @@ def therapy_run(folder: Path, *extra: str) -> Iterator[tuple[Robot, Patient]]:
         )
         try:
             robot.wait_until_ready([*graph.names, "therapy_session"])
-            make_ready(robot, Console(quiet=True), PEOPLE[HEALTHY])
+            make_ready(robot, Console(quiet=True))
             patient = Patient(robot)
             robot.wait_until(lambda: patient.states, 20.0, "the session is silent")
             yield robot, patient

@@ -260,3 +260,4 @@ def test_an_arm_leaves_alone_what_is_not_said():
 def test_an_arm_has_the_traits_that_are_named():
     request = arm(traits={"carried": 0, "weight": 12.0})
     assert (list(request.traits), list(request.values)) == (["carried", "weight"], [0.0, 12.0])
+    assert (request.patient, arm(patient="weak").patient) == ("", "weak")

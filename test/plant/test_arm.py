@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from screw_module_ros.plant.fixture import stage_velocity
 from screw_module_ros.plant.patient import (
+    PATIENTS,
     TRAITS,
     ArmSettings,
     HandPath,
+    HumanArm,
     arm_force,
     changed_patient,
     hand_point,
@@ -22,6 +24,7 @@ from screw_module_ros.plant.patient import (
     resting_patient,
     spring_terms,
 )
+from screw_module_ros.settings import fields, problem
 
 REACH = HandPath(
     start=0.1, target=0.3, begin=2.0, duration=1.5, amplitude=0.15, omega=0.8, tremor=0.0
@@ -164,6 +167,41 @@ def test_traits_are_set_by_name_and_the_others_stay(patient):
 def test_odd_traits_are_refused_in_one_sentence(patient, traits, values, said):
     with pytest.raises(ValueError, match=said):
         changed_patient(patient, ArmSettings(traits=traits, values=values), 0.0)
+
+
+@pytest.mark.parametrize("name", PATIENTS)
+def test_a_patient_is_a_name_for_all_of_an_arm_and_the_hand_goes_on_its_way(patient, name):
+    """What a plain request holds beside the name, zeros, does not count."""
+    asked = ArmSettings("", 0.0, 0.0, 0.0, (0.0,) * 3, patient=name)
+    changed = changed_patient(patient, asked, 1.0)
+    assert changed.arm == PATIENTS[name]
+    for path, before in zip(changed.paths, patient.paths, strict=True):
+        assert path._replace(tremor=0.0) == before._replace(tremor=0.0)
+    assert (changed.paths[0].tremor > 0.0) == (name == "tremor")
+
+
+@pytest.mark.parametrize(("name", "traits", "values", "weight"), [
+    ("healthy", (), (), 0.0),
+    ("weak", ("weight", "carried"), (15.0, 0.5), 7.5),
+    ("flaccid", ("weight",), (9.0,), 9.0),
+    ("flaccid", ("carried",), (1.0,), 0.0),
+])  # fmt: skip
+def test_what_hangs_on_the_handle_of_a_patient_with_other_traits(
+    patient, name, traits, values, weight
+):
+    asked = ArmSettings(patient=name, traits=traits, values=values)
+    assert arm_force(changed_patient(patient, asked, 0.0).arm).weight == pytest.approx(weight)
+
+
+def test_an_unknown_patient_is_refused_with_the_known_ones(patient):
+    with pytest.raises(ValueError, match="'lazy': one of healthy, tremor, weak, flaccid is wanted"):
+        changed_patient(patient, ArmSettings(patient="lazy"), 0.0)
+
+
+def test_every_patient_is_within_the_ranges_of_an_arm():
+    for arm in PATIENTS.values():
+        for name, field in fields(HumanArm).items():
+            assert problem(field, getattr(arm, name)) == ""
 
 
 def test_every_trait_has_a_range_and_a_text():

@@ -73,7 +73,9 @@ class Simulation:
         self.person = person
         self.chance = random.Random(f"patient {seed}")
         # Mass and stiffness are the thesis's (6.4.3); its 5 Ns/m would swing twice on each reach.
-        arm = HumanArm(person.kind, 3.0, 300.0, 30.0, weight=20.0, carried=1.0)
+        arm = HumanArm(
+            person.kind, 3.0, 300.0, 30.0, weight=20.0, carried=1.0, follows=0.0, reach_time=1.0
+        )
         x, y, z = session.protocol.centre
         self.patient = resting_patient(arm, x, y, z)
         self.arm = arm_force(arm)
