@@ -24,6 +24,7 @@ from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.parameter_files import above, unread_sections
+from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, by_kind, load
 from screw_module_ros.resources import resource_path
 
@@ -77,16 +78,18 @@ def plan(
     composed: bool = False,
     wall_clock: bool = False,
     devices: str = "",
+    patient: str | None = None,
 ) -> Plan:
     """Return the plan that starts the robot.
 
     simulation: with the simulated rig. params: a file that replaces the packaged one. only,
     without: names of the table. extra: arguments for every node. composed: `module` replaces its
     four parts. wall_clock: the simulated rig runs in real time. devices: profiles of the devices,
-    by comma (`profiles.NAMES`, or paths).
+    by comma (`profiles.NAMES`, or paths). patient: who holds the simulated handle, a name of
+    `PATIENTS`.
 
     Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
-    table.
+    table, and for a patient who is unknown or has no simulated rig.
     """
     default = SIMULATION_PARAMETERS if simulation else HARDWARE_PARAMETERS
     path = params or str(resource_path(default))
@@ -95,12 +98,23 @@ def plan(
     words = ["--params-file", path, *device_arguments(devices, simulation)]
     if simulation:
         words += simulated_arguments(composed, wall_clock)
+    if patient:
+        words += _held_by(patient, simulation)
     return Plan(
         chosen(simulation, only, without, composed),
         [*words, *extra],
         within,
         unread_sections(path, [*known, *BESIDE], within),
     )
+
+
+def _held_by(patient: str, simulation: bool) -> list[str]:
+    """Return the --ros-args that let a simulated patient hold the handle. Raises ValueError."""
+    if not simulation:
+        raise ValueError(f"patient {patient}: the real robot has no simulated one, leave it out")
+    if patient not in PATIENTS:
+        raise ValueError(f"patient {patient}: there are {', '.join(PATIENTS)}")
+    return ["-p", f"sim_rig:patient:={patient}"]
 
 
 def device_arguments(devices: str, simulation: bool) -> list[str]:
@@ -275,6 +289,10 @@ def _old_word(context: click.Context, option: click.Parameter, given: bool) -> N
 @click.option(
     "--devices", default="", metavar="NAME,...",
     help="Makes of the devices, like epos4,sick_ahm36,ati_net (params/devices).",
+)
+@click.option(
+    "--patient", type=click.Choice(list(PATIENTS)),
+    help="Simulated patient who follows what the robot is asked for; else the arm stays in place.",
 )
 @click.option("--namespace", default="", help="For a second robot, like /second.")
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")

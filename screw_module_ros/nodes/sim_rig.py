@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sim_rig`: the simulated robot, with the same CAN frames as the hardware.
 
-Its devices communicate with the rest of the graph by CAN only; `sim/truth` is for tests and figures.
-The patient sees what the robot is asked for (`simulated_patient.py`).
+Its devices communicate with the rest of the graph by CAN only; `sim/truth` is for tests and
+figures. The patient sees what the robot is asked for (`simulated_patient.py`).
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class SimulatedPatient:
         self._play(message)
 
     def hear_setpoint(self, message: EndpointSetpoint) -> None:
-        """See a set point; those that `therapy_session` makes of a game's wishes lag behind them."""
+        """See a set point; one that `therapy_session` makes of a game's wish lags behind it."""
         if self._clock.now_ns() - self._wish_ns >= SILENT_NS:
             self._play(message)
 

@@ -17,8 +17,8 @@ patient's own muscles carry the share `carried`; the rest hangs on the handle, w
 carried = 0 is a flaccid arm, of which the handle bears all; with carried = 1 the patient holds his
 arm up himself, and nothing hangs on the handle.
 
-A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`); a patient is a name for all
-of them (`PATIENTS`).
+A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`); a patient is a name for
+all of an arm (`PATIENTS`).
 """
 
 from __future__ import annotations

@@ -24,7 +24,14 @@ from .module import (
     resting_state,
     vertical_params,
 )
-from .patient import ArmSettings, HumanArm, arm_force, changed_patient, moved_patient, resting_patient
+from .patient import (
+    ArmSettings,
+    HumanArm,
+    arm_force,
+    changed_patient,
+    moved_patient,
+    resting_patient,
+)
 from .planar import ManusInput, handle_place, planar_params, resting_plane
 from .sensor import (
     DRAWS,

@@ -13,14 +13,19 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from screw_module_msgs.msg import EndpointSetpoint, EndpointState
+from screw_module_msgs.msg import EndpointSetpoint, EndpointState, ForceCommand
+
+from screw_module_ros.operator.bring_up import bring_up
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.patient import Hand
+from screw_module_ros.trials.runner import GraphRun
 
 ROOT = Path(__file__).parents[2]
 GAME = ROOT / "examples" / "fruit_game.py"
 FAR = (9.0, 9.0, 9.0)
 
 
-class Hand:
+class PlayedHand:
     """The far end of the game: publishes states, notes wishes."""
 
     def __init__(self, context):
@@ -53,7 +58,7 @@ class Hand:
 def hand():
     context = Context()
     rclpy.init(context=context)
-    hand = Hand(context)
+    hand = PlayedHand(context)
     yield hand
     hand.executor.shutdown()
     hand.node.destroy_node()
@@ -114,6 +119,26 @@ def test_it_says_why_nothing_moves(state, takes, why, game, hand, wait_until):
         return any(why in line for line in game[1])
 
     wait_until(told, 30.0, why)
+
+
+@pytest.mark.graph
+@pytest.mark.long
+def test_a_second_fruit_comes_with_ones_own_robot_too(tmp_path):
+    """`bringup --patient healthy` and `therapy_session`, as docs/games.md says."""
+    with (
+        GraphRun(composed=True, patient="healthy") as graph,
+        Robot("operator", watch=graph.watch, simulated=True) as robot,
+    ):
+        graph.add("therapy_session")
+        robot.wait_until_ready([*graph.names])
+        bring_up(robot, ForceCommand.IMPEDANCE, Hand(robot))
+        with (
+            open(tmp_path / "game.txt", "w+", encoding="utf-8") as told,
+            subprocess.Popen([sys.executable, "-u", GAME], stdout=told) as game,
+        ):
+            text = Path(told.name).read_text
+            robot.wait_until(lambda: text().count("picked") >= 3, 60.0, "fruits are not picked")
+            game.terminate()
 
 
 def test_the_page_of_games_shows_this_very_game():

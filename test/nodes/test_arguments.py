@@ -206,3 +206,12 @@ def test_a_node_that_somebody_else_ended_has_failed(unprepared, wait_until):
     os.kill(unprepared.pid, signal.SIGTERM)
     wait_until(lambda: unprepared.exit_code() is not None)
     assert unprepared.stop() == -signal.SIGTERM
+
+
+def test_a_patient_holds_the_handle_of_the_simulated_rig_alone():
+    assert given(plan(patient="weak"), "sim_rig")["patient"] == "weak"
+    assert "patient" not in given(plan(), "sim_rig")
+    with pytest.raises(ValueError, match="the real robot has no simulated one"):
+        plan(simulation=False, patient="weak")
+    with pytest.raises(ValueError, match="there are healthy, tremor, weak, flaccid"):
+        plan(patient="lazy")

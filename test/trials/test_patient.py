@@ -13,8 +13,9 @@ from screw_module_ros.operator.robot import arm
 from screw_module_ros.trials import therapy
 from screw_module_ros.trials.patient import RADIUS, Hand, Way, centre_out, targets
 
+
 @pytest.mark.parametrize(("trait", "said"), [
-    ("wieght=5", "'wieght' is unknown; there are weight from 0 to 60 N, carried from 0 to 1, follows"),
+    ("wieght=5", "'wieght' is unknown; there are weight from 0 to 60 N, carried from 0 to 1,"),
     ("weight=nan", "weight = nan: a finite number is wanted"),
     ("carried=2", "carried = 2.0: above the largest allowed, 1"),
     ("carried", "'carried': NAME=NUMBER is wanted, such as carried=0"),
