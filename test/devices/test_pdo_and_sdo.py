@@ -202,6 +202,18 @@ def test_unused_pdos_are_disabled_wherever_they_are(node, sdo):
     assert node.writes == [(0x1401, 1, 0x80000305), (0x1803, 1, 0x80000485)]
 
 
+def test_the_rpdos_at_which_the_device_still_takes_commands_are_told(node, sdo):
+    """Of those whose identifier is read-only, one lets its entries go and two do not."""
+    for number, identifier in ((2, 0x305), (3, 0x40000405), (4, 0x505), (5, 0x80000605)):
+        node.objects |= pdo_objects(0x1400, number, identifier, [0x60400010])
+    node.objects |= pdo_objects(0x1800, 2, 0x285, [0x60410010])
+    node.refused |= {(0x1401, 1): READ_ONLY, (0x1402, 1): READ_ONLY, (0x1403, 1): READ_ONLY,
+                     (0x1404, 1): READ_ONLY, (0x1801, 1): READ_ONLY}  # fmt: skip
+    node.refused |= {(0x1601, 0): READ_ONLY, (0x1602, 0): READ_ONLY, (0x1A01, 0): READ_ONLY}
+    assert pdo.disable_unused(sdo, (WANTED,)) == (0x305, 0x405)
+    assert node.objects[0x1603, 0] == b"\0"
+
+
 def test_pdo_that_cannot_be_disabled(node, sdo):
     node.deaf.add((0x1800, 1))
     with pytest.raises(NotConfigured, match="cannot be disabled"):
