@@ -40,7 +40,8 @@ setup(
         (f"share/{NAME}/security", sorted(glob("security/*.*"))),
     ],
     zip_safe=False,
-    extras_require={"test": ["durand", "hypothesis", "pytest", "pytest-timeout"]},  # colcon looks for pytest
+    # colcon looks for pytest
+    extras_require={"test": ["durand", "hypothesis", "pytest", "pytest-timeout"]},
     entry_points={
         "console_scripts": EXECUTABLES,
         "can.interface": [f"rig = {NAME}.can_io.rig_bus:RigBus"],

@@ -28,6 +28,10 @@ WORDS = {
         "allow_no_heartbeat": True,
     }
 }
+# What the drivers write or read beside the process data.
+NEEDED = (0x1016, 0x1017, 0x6007, 0x603F, 0x605A, 0x605C, 0x605E, 0x6060, 0x6061, 0x6072, 0x6076,
+          0x6087, 0x60B2, 0x6502)  # fmt: skip
+NEEDED_ENTRIES = ((0x1400, 5), (0x1801, 5))
 COUNTS = {"baumer_linear": 19_050}
 RATED = 0.42
 # Profile, what is misread in it, and what the drive then lacks.
@@ -41,6 +45,22 @@ MISREAD = [
 
 def test_each_make_of_a_canopen_device_is_here():
     assert sorted(MAKES) == sorted([*DRIVES, *ENCODERS])
+
+
+def named(profile, index: int, subindex: int | None) -> bool:
+    """Return whether a profile says that an object, or an entry of one, is absent."""
+    for key in (f"{index:04X}", f"{index:04X}:{subindex or 0:02X}"):
+        trait = profile.objects.get(key)
+        if trait is not None and trait.absent:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_what_the_drivers_need_and_a_make_lacks_its_profile_says(name):
+    profile = profiles.load(name)
+    needed = [key for key in MAKES[name].absent if key[0] in NEEDED or key in NEEDED_ENTRIES]
+    assert [key for key in needed if not named(profile, *key)] == []
 
 
 def entry(objects, key: str) -> ODVariable | None:
