@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+from functools import partial
 from typing import Any
 
 from local_device import LocalDevice
@@ -21,7 +22,8 @@ def far_end(stack: str, channel: str, make: str, node_id: int = 0) -> Any:
     """Return a device; node_id: 0 for the default of its kind. Its `close` ends it."""
     is_drive = MAKES[make].file == "drive.eds"
     node_id = node_id or (DRIVE_NODE if is_drive else ENCODER_NODE)
-    application = PowerDrive if is_drive else PositionEncoder
+    torque = MAKES[make].torque
+    application = partial(PowerDrive, torque=torque) if is_drive else PositionEncoder
     objects = dictionary(make, node_id)
     if stack == LOCAL_NODE:
         return LocalDevice(channel, node_id, objects, application, MAKES[make].unmappable)

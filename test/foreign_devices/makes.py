@@ -12,9 +12,10 @@ from typing import NamedTuple
 import canopen
 from application import EDS, variables
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
+from power_drive import STANDARD, Torque
 
-U8, U16, U32, I16 = (
-    datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.INTEGER16,
+U16, U32, I16, I32 = (
+    datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.INTEGER16, datatypes.INTEGER32,
 )  # fmt: skip
 Key = tuple[int, int]
 
@@ -24,7 +25,7 @@ class Make(NamedTuple):
 
     absent, read_only: objects or entries; None as sub-index: the whole object. added: key -> data
     type, value. values: key -> value. identifiers: index of a PDO -> its identifier without the
-    node id. unmappable: objects that no PDO takes.
+    node id. unmappable: objects that no PDO takes. torque: how it is told its torque.
     """
 
     file: str
@@ -35,6 +36,7 @@ class Make(NamedTuple):
     values: dict[Key, int] = {}
     identifiers: dict[int, int] = {}
     unmappable: frozenset[int] = frozenset()
+    torque: Torque = STANDARD
 
 
 def _every(*subindexes: int, first: int, count: int = 4) -> tuple[tuple[int, int], ...]:
@@ -100,6 +102,39 @@ MAKES = {
         values={(0x6076, 0): _MILLI, (0x6502, 0): 0x303EF, (0x1801, 3): 1000},
         identifiers=_identifiers([0x200, 0x300, 0x400, 0x500],
                                  [0x40000180, 0x40000280, 0x40000380, 0x40000480]),
+    ),
+    "epos2": Make(
+        "drive.eds",
+        "EPOS2 firmware specification: current mode -3, 2030, 6078, motor data 6410",
+        absent=(
+            *_NO_DEADLINE, *_NO_EVENT_TIMER, (0x6071, None), (0x6072, None), (0x6076, None),
+            (0x6077, None), (0x6087, None), (0x60B2, None),
+        ),
+        added={(0x2030, 0): (I16, 0), (0x6410, 1): (U16, 5000), (0x6410, 2): (U16, 10_000)},
+        values={(0x1018, 1): 0xFB},
+        torque=Torque((0x2030, 0), (0x6078, 0), (0x6410, 2), modes=(-3,)),
+    ),
+    "ipos": Make(
+        "drive.eds",
+        "TechnosoftIpos in roboticslab-uc3m/yarp-devices; iPOS manual P091.063, which it cites",
+        absent=(
+            *_NO_DEADLINE, (0x6071, None), (0x6072, None), (0x6076, None), (0x6077, None),
+            (0x6078, None), (0x6087, None), (0x60B2, None),
+        ),
+        read_only=((0x207E, 0),),
+        added={(0x201C, 0): (I32, 0), (0x201D, 0): (U16, 0), (0x207E, 0): (I16, 0),
+               (0x207F, 0): (U16, 0)},
+        torque=Torque((0x201C, 0), (0x207E, 0), (0, 0), 16, (-5,), 0x0010, {(0x201D, 0): 1}, True),
+    ),
+    "kinco": Make(
+        "drive.eds",
+        "KincoDrive in the public program CANOpenRobotController",
+        absent=(
+            *_NO_DEADLINE, (0x603F, None), (0x6071, None), (0x6076, None), (0x6077, None),
+            (0x6087, None), (0x60B2, None),
+        ),
+        added={(0x60F6, 8): (I16, 0)},
+        torque=Torque((0x60F6, 8), (0x6078, 0), modes=(4,)),
     ),
     "generic_406": Make("encoder.eds", "CiA 406"),
     "sick_ahm36": Make(

@@ -7,6 +7,8 @@ target while operation is enabled; the position goes on by the torque at each SY
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from application import OPERATIONAL, Application, Stack
 
 # CiA 402-2, 8.4.2, table 7: bits 0 to 6 of the statusword; bit 9, remote, is set throughout.
@@ -47,9 +49,29 @@ ARROWS = {
 _FAULT_RESET = 0x80
 
 HEARTBEAT_LOST, COMMAND_LATE = 0x8130, 0x8250
-TORQUE_MODES = (4, 10)
 _NO_LIMIT = 0x7FFF
 _NOTHING, _FAULT_SIGNAL, _DISABLE_VOLTAGE = 0, 1, 2  # of 6007
+
+
+class Torque(NamedTuple):
+    """How a make is told its torque; by default as CiA 402-2 has it.
+
+    command, actual, limit: objects. shift: bits of the command below its number. modes: of 6060, in
+    which it acts. enabled_bits: of the controlword, and conditions: values of objects, without
+    which it does not. shown_enabled: 6061 shows a mode in operation enabled alone.
+    """
+
+    command: tuple[int, int] = (0x6071, 0)
+    actual: tuple[int, int] = (0x6077, 0)
+    limit: tuple[int, int] = (0x6072, 0)
+    shift: int = 0
+    modes: tuple[int, ...] = (4, 10)
+    enabled_bits: int = 0
+    conditions: dict[tuple[int, int], int] = {}
+    shown_enabled: bool = False
+
+
+STANDARD = Torque()
 
 
 def named(controlword: int) -> str:
@@ -63,15 +85,16 @@ def named(controlword: int) -> str:
 class PowerDrive(Application):
     """The drive; `state` as the standard writes it, `causes` what keeps it in its fault."""
 
-    def __init__(self, stack: Stack):
+    def __init__(self, stack: Stack, torque: Torque = STANDARD):
         self.stack = stack
+        self.torque = torque
         self.causes: set[int] = set()
         self.restart()
 
     def restart(self) -> None:
         self.causes.clear()
         self.state = "switch on disabled"
-        self.target = self.position = self._word = 0
+        self.target = self.position = self._word = self._mode = 0
         self._operational = False
         self._watched: dict[int, tuple[int, int]] = {}  # sub-index of 1016 -> node, time [ms]
         self.stack.disarm("command")
@@ -80,16 +103,23 @@ class PowerDrive(Application):
     def _show(self, state: str) -> None:
         self.state = state
         self.stack.put(0x6041, 0, _REMOTE | STATUSWORDS[state])
+        self._show_mode()
+
+    def _show_mode(self) -> None:
+        if self.torque.shown_enabled:
+            self.stack.put(0x6061, 0, self._mode if self.state == "operation enabled" else 0)
 
     # What the master writes, by SDO or RPDO.
 
     def written(self, index: int, subindex: int, value: int) -> None:
         if index == 0x6040:
             self._command(value)
-        elif index == 0x6071:
-            self.target = value
+        elif (index, subindex) == self.torque.command:
+            self.target = value >> self.torque.shift
         elif index == 0x6060:
+            self._mode = value
             self.stack.put(0x6061, 0, value)
+            self._show_mode()
         elif index == 0x1016 and subindex:
             self._watch(subindex, value)
 
@@ -163,10 +193,19 @@ class PowerDrive(Application):
 
     def sampled(self) -> None:
         torque = 0
-        if self.state == "operation enabled" and self.stack.get(0x6061) in TORQUE_MODES:
-            limit = self.stack.optional(0x6072)
+        if self.state == "operation enabled" and self._obeys():
+            limit = self.stack.optional(*self.torque.limit)
             limit = _NO_LIMIT if limit is None else limit
             torque = max(-limit, min(limit, self.target))
         self.position = self.position + torque
         self.stack.put(0x6064, 0, (self.position + 2**31) % 2**32 - 2**31)
-        self.stack.put(0x6077, 0, torque)
+        self.stack.put(*self.torque.actual, torque)
+
+    def _obeys(self) -> bool:
+        """Return whether its mode, controlword and objects let it follow the torque command."""
+        wanted = self.torque
+        return (
+            self.stack.get(0x6061) in wanted.modes
+            and self._word & wanted.enabled_bits == wanted.enabled_bits
+            and all(self.stack.get(*key) == value for key, value in wanted.conditions.items())
+        )

@@ -21,18 +21,22 @@ KINDS = {name: profiles.load(name).kind for name in profiles.NAMES}
 DRIVES = [name for name, kind in KINDS.items() if kind == profiles.DRIVE]
 ENCODERS = [name for name, kind in KINDS.items() if kind == profiles.ENCODER]
 NODE = 5
-# What the operator has to say for a make that has nothing in place of a guard.
-WORDS = {
+# What the operator has to say of a make: what does in place of a guard, how it is commanded.
+SAID = {
     "ingenia": {
         "waived": "command_deadline, lost_connection, quick_stop_reaction, fault_reaction",
         "allow_no_heartbeat": True,
-    }
+    },
+    # Commanded by a current: that at the rated torque, in the drive's own unit.
+    "epos2": {"rated_command": 2625.0},
+    "ipos": {"rated_command": 4300.0},
+    "kinco": {"rated_command": 167.0},
+    "baumer_linear": {"counts_per_turn": 19_050},  # steps of 1 um
 }
 # What the drivers write or read beside the process data.
 NEEDED = (0x1016, 0x1017, 0x6007, 0x603F, 0x605A, 0x605C, 0x605E, 0x6060, 0x6061, 0x6072, 0x6076,
           0x6087, 0x60B2, 0x6502)  # fmt: skip
 NEEDED_ENTRIES = ((0x1400, 5), (0x1801, 5))
-COUNTS = {"baumer_linear": 19_050}
 RATED = 0.42
 # Profile, what is misread in it, and what the drive then lacks.
 MISREAD = [
@@ -44,7 +48,7 @@ MISREAD = [
 
 
 def test_each_make_of_a_canopen_device_is_here():
-    assert sorted(MAKES) == sorted([*DRIVES, *ENCODERS])
+    assert {*DRIVES, *ENCODERS} <= set(MAKES)
 
 
 def named(profile, index: int, subindex: int | None) -> bool:
@@ -90,21 +94,18 @@ def test_what_its_profile_says_of_its_objects_is_what_the_sources_say(name):
 @pytest.mark.parametrize("name", [*DRIVES, *ENCODERS])
 def test_the_driver_recognizes_it(near, device, name):
     device(LOCAL_NODE, name)
-    driver = near.drive(name) if name in DRIVES else near.encoder(name, **scale(name))
+    maker = near.drive if name in DRIVES else near.encoder
+    driver = maker(name, **SAID.get(name, {}))
     driver.configure()
     rows = driver.likely_makes(len(profiles.NAMES)).splitlines()[1:]
     (own,) = [row for row in rows if row.split()[0] == name]
     assert own.split()[1:] == ["fits"]
 
 
-def scale(name: str) -> dict[str, int]:
-    return {"counts_per_turn": COUNTS[name]} if name in COUNTS else {}
-
-
 @pytest.mark.parametrize("name", DRIVES)
 def test_a_drive_gives_torque_when_enabled_and_none_when_not(near, device, name):
     far = device(LOCAL_NODE, name)
-    drive = near.drive(name, max_torque=2.0 * RATED, **WORDS.get(name, {}))
+    drive = near.drive(name, max_torque=2.0 * RATED, **SAID.get(name, {}))
     near.enabled(drive)
     near.run(drive, lambda: drive.reading.torque == pytest.approx(0.1, abs=1e-3), "gives torque",
              torque=0.1)  # fmt: skip
@@ -134,7 +135,7 @@ def test_what_stands_in_for_a_guard_is_written_where_the_maker_has_it(near, devi
 def test_only_the_command_that_is_guarded_is_taken(near, device, name):
     """Three more RPDOs are there: each is off, or has no entries left."""
     far = device(LOCAL_NODE, name)
-    near.drive(name).configure()
+    near.drive(name, **SAID.get(name, {})).configure()
     for number in range(1, 4):
         off = far.get(0x1400 + number, 1) >> 31
         assert off or far.get(0x1600 + number, 0) == 0
@@ -144,7 +145,7 @@ def test_only_the_command_that_is_guarded_is_taken(near, device, name):
 @pytest.mark.parametrize("stack", [LOCAL_NODE, DURAND])
 def test_an_encoder_gives_its_positions(near, device, stack, name):
     far = device(stack, name)
-    encoder = near.encoder(name, **scale(name))
+    encoder = near.encoder(name, **SAID.get(name, {}))
     encoder.configure()
     encoder.start()
     far.do(lambda: setattr(far.application, "speed", 7))
