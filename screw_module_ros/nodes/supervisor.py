@@ -18,8 +18,10 @@ from std_srvs.srv import SetBool, Trigger
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.safety import supervision
+from screw_module_ros.safety.announced import Announced, announce
 from screw_module_ros.safety.checks import status_problem
 from screw_module_ros.safety.supervision import (
+    Decision,
     NodeReport,
     SupervisionSettings,
     SupervisorState,
@@ -34,6 +36,7 @@ from .support.states import ERROR, OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
+_TELL_S = 0.1
 _STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
 """Node -> the topic that shows its state; also endpoint_state, although nothing depends on it."""
 
@@ -60,8 +63,11 @@ class SupervisorNode(Node):
         self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
+        self._decided: tuple[Decision, bool] | None = None  # the newest, and whether it is latched
+        self._announced = Announced()
         self._alarms: dict[str, str] = {}
         self.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._note_diagnostics, 50)
+        self.periodic.every(self.clock, _TELL_S, self._tell)
         self.serve(Trigger, "~/estop", self._estop, _STOPPED, always=True)
         self.serve(Trigger, "~/reset", self._reset, "reset; the drives stay off until enabled")
         self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
@@ -148,7 +154,20 @@ class SupervisorNode(Node):
         message.vertical_locked = state.locked
         message.resets = state.resets
         self._send(message)
+        self._decided = decision, bool(state.latched or state.estopped)
         self._decisions += 1
+
+    def _tell(self) -> None:
+        """Log what changed, in the service thread: a terminal that is held stops no decision."""
+        if self._decided is None or not self.active:
+            return
+        decision, latched = self._decided
+        self._announced, line = announce(self._announced, decision, latched, self.clock.now_ns())
+        logger = self.get_logger()
+        if line and decision.level == supervision.STOPPED:
+            logger.error(line)
+        elif line:
+            (logger.info if decision.level == supervision.OK else logger.warning)(line)
 
     def _reports(self, now: int) -> dict[str, NodeReport]:
         for newest in self._sources.values():
@@ -184,7 +203,8 @@ class SupervisorNode(Node):
             if self.active:
                 self._decide_and_publish(self.clock.now_ns())
             self._keep(self._state)
-        self.get_logger().error("emergency stop")
+        if not self.active:
+            self.get_logger().error("emergency stop")
         return ""
 
     def _reset(self, request: Trigger.Request) -> str:

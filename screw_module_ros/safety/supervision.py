@@ -25,6 +25,9 @@ STOPPED = 2
 EARLIER = "before the supervisor was started anew: "
 """Prefix of a latched reason that is older than the supervisor's process."""
 
+NOT_SEEN = "not seen yet"
+"""End of the reason that a node has sent nothing since the supervisor was started."""
+
 VERTICAL_DRIVE = "amplifier"
 PLANAR_DRIVE = "manus"
 # It clears its fault when the reset counter of safety_state rises, so its fault cannot block a
@@ -196,7 +199,7 @@ def _troubles(settings: SupervisionSettings, reports: Mapping[str, NodeReport]) 
     for node in settings.required:
         report = reports.get(node, NodeReport(seen=False))
         if not report.seen:
-            troubles.append(_Trouble(node, f"{node}: not seen yet", lost=False, faulty=False))
+            troubles.append(_Trouble(node, f"{node}: {NOT_SEEN}", lost=False, faulty=False))
         elif not report.age <= settings.timeout:
             text = f"{node}: no message for more than {settings.timeout:g} s"
             troubles.append(_Trouble(node, text, lost=True, faulty=False))
