@@ -27,6 +27,10 @@ with importing(NAME):
 
 _YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")
 
+# Ctrl-C reaches the nodes too. One whose Python is just starting would show a traceback; so it gets
+# the signal when it has a handler (programs.py).
+_UNTIL_IT_LISTENS = "env --block-signal=INT"
+
 
 def _argument(name, default, description):
     return DeclareLaunchArgument(name, default_value=default, description=description)
@@ -72,13 +76,16 @@ def nodes(context):
     before = dict(os.environ)
     told += [reach] if (reach := open_to_network() if network else keep_to_this_machine()) else []
     changed = {name: text for name, text in os.environ.items() if before.get(name) != text}
+    prefix = LaunchConfiguration("launch-prefix", default="").perform(context)
     started = [
         Node(
             package=PACKAGE,
             executable=entry.executable,
+            exec_name=entry.executable,
             namespace=planned.namespace,
             ros_arguments=planned.arguments(entry),
             additional_env=changed,
+            prefix=prefix or _UNTIL_IT_LISTENS,
             output="screen",
         )
         for entry in planned.entries

@@ -8,7 +8,10 @@ the module cannot be imported.
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -36,6 +39,8 @@ PROGRAMS = {
 }
 """Name of an executable -> module below this package, function, or the class of its node."""
 
+INTERRUPTED = 130
+_OF_NODES = ("nodes.", "identification.live.")  # a node that a signal ends has not failed
 _PACKAGE, _MESSAGES, _ROS = "screw_module_ros", "screw_module_msgs", "rclpy"
 _BUILD = "colcon build && source install/setup.bash (without ROS: make build)"
 _REMEDIES = {
@@ -56,13 +61,18 @@ def missing(error: ImportError) -> str:
 
 
 @contextmanager
-def importing(program: str) -> Iterator[None]:
+def importing(program: str, interrupted: int = INTERRUPTED) -> Iterator[None]:
     """End the process with status 2 and one sentence where an import within fails.
 
     An error of our own code passes. Where the launch file ends so, `ros2 launch` ends with it.
+
+    interrupted: status with which a SIGINT within ends the process, without a traceback. After it
+    a SIGINT is heard, also where a script's & has made it ignored: `ros2 launch` would not notice
+    that its nodes were asked to end.
     """
     try:
-        yield
+        with _interruptible(interrupted):
+            yield
     except ImportError as error:
         if not (sentence := missing(error)):
             raise
@@ -70,12 +80,26 @@ def importing(program: str) -> Iterator[None]:
         raise SystemExit(2) from None
 
 
+@contextmanager
+def _interruptible(status: int) -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: os._exit(status))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launch file blocks it
+    try:
+        yield
+    finally:
+        own = callable(before)
+        signal.signal(signal.SIGINT, before if own else signal.default_int_handler)
+
+
 def __getattr__(name: str) -> Callable[[], Any]:
     """Return the function of an executable; end the process where something is not installed."""
     if name not in PROGRAMS:
         raise AttributeError(f"no executable {name}")
     module, function = PROGRAMS[name]
-    with importing(name):
+    with importing(name, 0 if module.startswith(_OF_NODES) else INTERRUPTED):
         found = getattr(importlib.import_module(f"{_PACKAGE}.{module}"), function)
         if not isinstance(found, type):
             return found

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -63,6 +64,70 @@ def test_a_program_without_a_package_of_pip_names_rosdep():
     assert done.returncode == 2
     assert done.stderr.startswith("encoder: canopen is not installed: rosdep install")
     assert len(done.stderr.splitlines()) == 1
+
+
+# As Ctrl-C while a package of pip is imported.
+_INTERRUPTED = """
+import signal, sys
+class Interrupts:
+    def find_spec(self, name, path, target=None):
+        if name == "canopen":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interrupts())
+from screw_module_ros import programs
+getattr(programs, sys.argv[1])
+"""
+
+
+@pytest.mark.parametrize(("name", "code"), [("encoder", 0), ("check_hardware", 130)])
+@pytest.mark.parametrize("before", [signal.SIG_DFL, signal.SIG_IGN])
+def test_ctrl_c_while_a_program_starts_is_no_traceback(name, code, before):
+    """Also where a script's & has made its jobs ignore the signal."""
+    done = subprocess.run(
+        [sys.executable, "-c", _INTERRUPTED, name], capture_output=True, text=True, check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, before),
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (code, "")
+
+
+_LISTENS = """
+import signal
+from screw_module_ros.programs import importing
+with importing("it"):
+    pass
+try:
+    signal.raise_signal(signal.SIGINT)
+except KeyboardInterrupt:
+    print("heard")
+"""
+
+
+def test_after_the_imports_a_signal_is_heard_that_a_script_had_made_ignored():
+    done = subprocess.run(
+        [sys.executable, "-c", _LISTENS], capture_output=True, text=True, check=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip
+    assert done.stdout == "heard\n"
+
+
+def test_a_signal_that_the_launch_file_held_back_ends_the_program_that_listens():
+    """It came while Python itself was starting."""
+    held = subprocess.Popen(
+        ["env", "--block-signal=INT", sys.executable, "-c", _HELD], stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert held.stdout.readline() == "starting\n"
+    held.send_signal(signal.SIGINT)
+    assert held.communicate("\n") == ("", "")
+    assert held.returncode == 0
+
+
+_HELD = """
+print("starting", flush=True)
+input()
+from screw_module_ros.programs import encoder
+print("not reached")
+"""
 
 
 def test_messages_of_another_version_are_told():

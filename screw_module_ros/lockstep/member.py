@@ -100,7 +100,7 @@ class Member:
         if self._stopping():
             patience_s = 1.0
         if patience_s is not None and now - since > patience_s:
-            there = "sim_rig has stopped" if page.conductor else "no sim_rig runs"
+            there = "sim_rig has stopped" if page.conductor else "no sim_rig runs on this machine"
             raise TimeStandsStill(
                 f"simulated time stands still: {there} (page {page.path.name}); start sim_rig in "
                 "this ROS domain and namespace, or set use_sim_time to false"

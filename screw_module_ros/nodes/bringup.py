@@ -28,7 +28,7 @@ from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, by_kind, load
 from screw_module_ros.resources import resource_path
 
-from .support.arguments import arguments
+from .support.arguments import NETWORK, arguments
 from .support.place import keep_to_this_machine, open_to_network
 from .support.runtime import DUMP_STACKS, stop_on_signals
 
@@ -267,6 +267,11 @@ def stop(processes: list[Process]) -> dict[str, int]:
     return {process.name: process.stop() for process in reversed(processes)}
 
 
+network_option = click.option(
+    NETWORK, is_flag=True, help="Let other machines take part: docs/security.md."
+)
+
+
 def _old_word(context: click.Context, option: click.Parameter, given: bool) -> None:
     """Refuse the word of earlier versions, which could be taken for `make bench`."""
     if given:
@@ -301,7 +306,7 @@ def _old_word(context: click.Context, option: click.Parameter, given: bool) -> N
     "-p", "--param", "values", multiple=True, metavar="NODE:NAME:=VALUE",
     help="Set a parameter, in place of the file's value (repeat for more).",
 )
-@click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
+@network_option
 def command(hardware: bool, network: bool, values: tuple[str, ...], **wishes: Any) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     end_without_domain("bringup")

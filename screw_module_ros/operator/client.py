@@ -6,6 +6,7 @@ Every call either succeeds or raises RobotError, which names the node and quotes
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
@@ -65,6 +66,17 @@ class RobotError(RuntimeError):
 
 
 Me = TypeVar("Me", bound="Client")
+
+
+def _busy() -> str:
+    """Return what the load says about a start that took long, empty on an idle machine."""
+    load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
+    if load <= cores:
+        return ""
+    return (
+        f". The load of this machine was {load:.1f} on {cores} cores in the last minute: end what "
+        "else runs, or start again"
+    )
 
 
 class Client:
@@ -223,7 +235,7 @@ class Client:
 
         if not self.met_by_wall(ready, deadline_s):
             said = "; ".join(f"{name}: {self._missing(name)}" for name in waiting)
-            raise RobotError(f"not ready after {deadline_s:g} s: {said}")
+            raise RobotError(f"not ready after {deadline_s:g} s: {said}{_busy()}")
 
     def _missing(self, name: str) -> str:
         """Return what a node lacks that is not ready."""

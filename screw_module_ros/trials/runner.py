@@ -14,6 +14,7 @@ of a process is interrupted halfway.
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import random
@@ -36,7 +37,14 @@ from screw_module_ros.recording.bag import BagError
 
 from ..graph import nodes_of
 from ..nodes import bringup
-from ..nodes.support.place import RANGE_VARIABLE, STATE_VARIABLE, AlreadyRunning, Lock
+from ..nodes.bringup import network_option
+from ..nodes.support.place import (
+    NETWORK_VARIABLE,
+    RANGE_VARIABLE,
+    STATE_VARIABLE,
+    AlreadyRunning,
+    Lock,
+)
 from ..nodes.support.runtime import StopFlag
 from ..operator.robot import Robot, RobotError
 from ..terminal import Console
@@ -52,11 +60,25 @@ class Interrupted(KeyboardInterrupt):
 
 
 def command(name: str) -> Callable[[Callable[..., bool | None]], click.Command]:
-    """Make a command of the graph of a function of console and options, as `terminal.command`."""
-    return terminal.command(
+    """Make a command of the graph of a function of console and options, as `terminal.command`.
+
+    It has --network as well, like `bringup`.
+    """
+    decorate = terminal.command(
         name, (RobotError, AlreadyRunning, BagError), partial(end_without_domain, name),
         "stopped; all nodes ended in order",
     )  # fmt: skip
+
+    def made(work: Callable[..., bool | None]) -> click.Command:
+        @functools.wraps(work)
+        def run(console: Console, network: bool, **options: Any) -> bool | None:
+            if network:
+                os.environ[NETWORK_VARIABLE] = "1"  # for the nodes, and for the client here
+            return work(console, **options)
+
+        return network_option(decorate(run))
+
+    return made
 
 
 def new_folder(parent: Path, console: Console) -> Path:

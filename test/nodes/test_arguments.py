@@ -38,6 +38,12 @@ def test_what_a_command_line_says():
     )
 
 
+def test_the_word_that_opens_a_node_to_other_machines():
+    given = arguments(["--network", "--ros-args", "-p", "x:=1"])
+    assert given.network and given.others == []
+    assert not arguments(["--ros-args", "--network"]).network
+
+
 def test_a_rule_for_the_node_wins_over_one_for_all():
     assert values("n", "-p", "n:x:=1", "-p", "x:=2", "-p", "m:x:=3") == {"x": 1}
 

@@ -75,10 +75,11 @@ def test_a_stranger_sees_only_what_was_opened(machines, tmp_path):
     opened = {**plain, "SCREW_MODULE_NETWORK": "1"}
     inside, outside = (["ip", "netns", "exec", name] for name in (here, there))
     with ExitStack() as ends:
-        for name, env in (("endpoint_state", plain), ("supervisor", opened)):
+        for words in (["endpoint_state"], ["supervisor", "--network"]):
             node = subprocess.Popen(
-                [*inside, executable_path(name)], env=env, stderr=subprocess.PIPE, text=True
-            )
+                [*inside, executable_path(words[0]), *words[1:]], env=plain,
+                stderr=subprocess.PIPE, text=True,
+            )  # fmt: skip
             ends.callback(node.communicate)
             ends.callback(node.terminate)
             assert any("active" in line for line in node.stderr)
@@ -87,3 +88,24 @@ def test_a_stranger_sees_only_what_was_opened(machines, tmp_path):
             env=opened, capture_output=True, text=True, timeout=100, check=True,
         ).stdout.split()  # fmt: skip
     assert seen == ["stranger", "supervisor"]
+
+
+def test_a_node_that_waits_for_the_time_of_another_machine_names_it(machines, tmp_path):
+    """Its rig is heard, on /clock, but its page of time is in the other's memory."""
+    here, there = (["ip", "netns", "exec", name] for name in machines)
+    own_memory = ["unshare", "-m", "sh", "-c", 'mount -t tmpfs tmpfs /dev/shm && exec "$@"', "-"]
+    env = {name: value for name, value in os.environ.items() if name not in CHOICES}
+    env |= {"XDG_STATE_HOME": str(tmp_path)}
+    in_simulated_time = ["--network", "--ros-args", "-p", "use_sim_time:=true"]
+    with ExitStack() as ends:
+
+        def start(where: list[str], name: str) -> subprocess.Popen:
+            command = [*where, executable_path(name), *in_simulated_time]
+            node = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
+            ends.callback(node.communicate)
+            ends.callback(node.terminate)
+            return node
+
+        assert any("active" in line for line in start(here, "sim_rig").stderr)
+        waits = start([*there, *own_memory], "endpoint_state")
+        assert any("/clock comes from another machine" in line for line in waits.stderr)

@@ -141,6 +141,14 @@ def test_not_ready_says_who_and_why(robot, wait_until):
         robot.wait_until_ready(["amplifier", "manus"], 0.2)
 
 
+@pytest.mark.parametrize("load", [0.0, 900.0])
+def test_not_ready_on_a_full_machine_names_its_load(robot, monkeypatch, load):
+    monkeypatch.setattr("os.getloadavg", lambda: (load, load, load))
+    with pytest.raises(RobotError, match="not ready") as caught:
+        robot.wait_until_ready(["amplifier"], 0.2)
+    assert ("The load of this machine was 900.0 on" in str(caught.value)) == (load > 0.0)
+
+
 def test_watch_ends_a_wait(robot):
     def died():
         raise RobotError("encoder ended by itself with code 1")

@@ -28,6 +28,19 @@ def places(monkeypatch):
         place.release()
 
 
+@pytest.mark.parametrize(("words", "opened"), [([], None), (["--network"], "1")])
+def test_each_command_of_the_graph_can_be_opened_to_other_machines(monkeypatch, words, opened):
+    monkeypatch.delenv("SCREW_MODULE_NETWORK", raising=False)
+    found = []
+
+    @command("mine")
+    def mine(console):
+        found.append(os.environ.get("SCREW_MODULE_NETWORK"))
+
+    assert CliRunner(env={"SCREW_MODULE_NETWORK": None}).invoke(mine, words).exit_code == 0
+    assert found == [opened]
+
+
 def test_a_domain_that_is_set_is_kept(places, ros_domain_id):
     places.append(runner.own_place())
     assert places[0].domain == ros_domain_id

@@ -18,6 +18,8 @@ from rclpy.parameter import Parameter
 from screw_module_ros.settings import SettingError, shown
 from screw_module_ros.settings_file import parse
 
+NETWORK = "--network"
+"""The word that opens a node, and each command of the graph, to other machines."""
 _RULE = re.compile(r"(?:(?P<node>\w+):)?(?P<name>[^:=]+):=(?P<value>.*)", re.DOTALL)
 
 
@@ -33,12 +35,13 @@ class Arguments(NamedTuple):
     """Content of a command line.
 
     files: parameter files, in order. rules: those of -p, in order. others: arguments that are not
-    for ROS.
+    for ROS. network: other machines may take part.
     """
 
     files: list[str]
     rules: list[Rule]
     others: list[str]
+    network: bool = False
 
 
 def arguments(words: Sequence[str] | None = None) -> Arguments:
@@ -55,7 +58,8 @@ def arguments(words: Sequence[str] | None = None) -> Arguments:
             found.files.append(next(left, ""))
         elif word in ("-p", "--param") and (rule := _RULE.fullmatch(next(left, ""))):
             found.rules.append(Rule(rule["node"] or "", rule["name"], rule["value"]))
-    return found
+    others = [word for word in found.others if word != NETWORK]
+    return found._replace(others=others, network=NETWORK in found.others)
 
 
 def overrides(name: str, rules: Iterable[Rule]) -> list[Parameter]:

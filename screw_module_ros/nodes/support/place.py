@@ -4,7 +4,7 @@
 Reach: ROS 2 does not authenticate senders. Every process that can send to the nodes can enable the
 drives, home them and record. So the nodes keep to this machine, whatever the discovery range of the
 environment says: the `setup.bash` of a ROS installation sets it to the subnet by itself. Only a
-word of our own opens them: `SCREW_MODULE_NETWORK=1`, `bringup --network` or `network:=true`. A
+word of our own opens them: `SCREW_MODULE_NETWORK=1`, `--network` or `network:=true`. A
 Fast DDS profile of the user's is his choice and stays.
 
 Locks: one copy of each node, one client per device, one simulation per bus. A lock is a bound
@@ -61,7 +61,7 @@ def keep_to_this_machine() -> str:
     if not wider:
         return ""
     return (
-        f"keeps to this machine although {' and '.join(wider)}: {NETWORK_VARIABLE}=1, bringup "
+        f"keeps to this machine although {' and '.join(wider)}: {NETWORK_VARIABLE}=1, "
         "--network or network:=true opens the robot to the network, see docs/security.md"
     )
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import faulthandler
 import logging
+import os
 import queue
 import signal
 import sys
@@ -23,6 +24,7 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
+from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.lockstep.clock import SimulatedClock
@@ -30,9 +32,9 @@ from screw_module_ros.lockstep.page import NoMemory
 from screw_module_ros.parameter_files import Sections, only_for_all, sections
 from screw_module_ros.settings import SettingError
 
-from .arguments import Arguments, arguments
+from .arguments import NETWORK, Arguments, arguments
 from .node import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Node
-from .place import AlreadyRunning, Lock, choose_transport, lock_node
+from .place import NETWORK_VARIABLE, AlreadyRunning, Lock, choose_transport, lock_node
 from .scheduling import RealtimeSettings, StartSettings, prepare, take_priority
 
 RCLError = rclpy_implementation.RCLError  # exported nowhere else
@@ -44,6 +46,11 @@ _RETRY_S = 1.0
 _NO_TIME = (
     "waiting for sim_rig: nobody moves simulated time in ROS domain {} yet (or set use_sim_time to "
     "false)"
+)
+_TIME_ELSEWHERE = (
+    "waiting for sim_rig: {} comes from another machine or container, and only programs of that "
+    "one take part in its simulated time; start this node there, or here by wall clock: "
+    "--ros-args -p use_sim_time:=false"
 )
 DUMP_STACKS = signal.SIGUSR2
 """A node that receives this signal writes the stacks of its threads to stderr."""
@@ -77,11 +84,14 @@ def run_together(
     # Our errors replace the libraries' log messages, with the node id and the way out.
     for library in ("canopen", "can"):
         logging.getLogger(library).setLevel(logging.CRITICAL)
+    given = arguments()
+    if given.network:
+        os.environ[NETWORK_VARIABLE] = "1"
     reach = choose_transport()
     nodes: list[Node] = []
     locks: list[Lock] = []
     try:
-        files = _begin(arguments())
+        files = _begin(given)
         nodes += make()
         for node in nodes:
             node.stopping = stopping
@@ -114,7 +124,7 @@ def _begin(given: Arguments) -> list[Sections]:
     if given.others:
         raise SettingError(
             f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "
-            "--ros-args -p NAME:=VALUE --params-file FILE"
+            f"--ros-args -p NAME:=VALUE --params-file FILE, and {NETWORK}"
         )
     files = [sections(path) for path in given.files]
     try:
@@ -223,7 +233,10 @@ def _time_moves(node: Node) -> bool:
     clock = node.clock
     if node.moves_time or not isinstance(clock, SimulatedClock) or clock.page.conductor:
         return True
-    text = _NO_TIME.format(domain_id())
+    heard = node.count_publishers(graph.CLOCK)  # of a rig whose page of time is not here
+    text = _TIME_ELSEWHERE.format(node.resolve_topic_name(graph.CLOCK)) if heard else (
+        _NO_TIME.format(domain_id())
+    )  # fmt: skip
     if node.failure != text:
         node.failure = text
         node.get_logger().info(text)
