@@ -22,7 +22,7 @@ FORMAT = "screw_module_ros/device"
 DRIVE, ENCODER, FORCE_SENSOR = "drive", "encoder", "force_sensor"
 GENERIC_402, GENERIC_406, NETCANOEM = "generic_402", "generic_406", "ati_netcanoem"
 NAMES = (
-    GENERIC_402, "epos4", "elmo_gold", "elmo_simpliq", "ingenia",
+    GENERIC_402, "epos4", "epos2", "elmo_gold", "elmo_simpliq", "ingenia", "ipos", "kinco",
     GENERIC_406, "sick_ahm36", "baumer_rotary", "baumer_linear",
     NETCANOEM, "ati_net",
 )  # fmt: skip
@@ -47,22 +47,27 @@ NODES = {DRIVE: ("amplifier", "manus"), ENCODER: ("encoder",), FORCE_SENSOR: ("f
 """Nodes with the drivers of a kind of device."""
 
 LITERAL, PERIOD_US, DEADLINE_PERIODS, LIMIT = "literal", "period_us", "deadline_periods", "limit"
+LIMIT_COMMAND, LIMIT_BELOW = "limit_command", "limit_below"
+QUANTITIES = (LITERAL, PERIOD_US, DEADLINE_PERIODS, LIMIT, LIMIT_COMMAND, LIMIT_BELOW)
+ALWAYS, READY, ENABLED = "always", "ready", "enabled"
+"""States in which a drive shows its mode (6061): all, from ready to switch on on, enabled alone."""
+COMMAND_OBJECT, ACTUAL_OBJECT, RATING_OBJECT = "6071", "6077", "6076"
+_STATE_MACHINE_BITS = 0x008F
 _LARGEST = 0xFFFFFFFF
 
 
-class SubstituteObject(NamedTuple):
-    """One object that a substitute writes and reads back.
+class WrittenObject(NamedTuple):
+    """One object that is written and read back.
 
     quantity: `literal` = value; `period_us` = period of the commands [us]; `deadline_periods` = the
     command's time limit in such periods; `limit` = the largest torque over the rated one, times
-    object `base`.
+    object `base`; `limit_command` = the largest torque in the unit of the command; `limit_below` =
+    value less that.
     """
 
     object: str
     size: Annotated[int, Setting("length of the object", "byte", choices=(1, 2, 4))]
-    quantity: Annotated[
-        str, Setting("what to write", choices=(LITERAL, PERIOD_US, DEADLINE_PERIODS, LIMIT))
-    ] = LITERAL
+    quantity: Annotated[str, Setting("what to write", choices=QUANTITIES)] = LITERAL
     value: Annotated[int, Setting("the literal value", "", -_LARGEST, _LARGEST)] = 0
     base: str = ""
 
@@ -76,7 +81,7 @@ class Substitute(NamedTuple):
 
     guard: Annotated[str, Setting("the guard that is missing", choices=tuple(GUARDS))]
     text: str
-    objects: tuple[SubstituteObject, ...] = ()
+    objects: tuple[WrittenObject, ...] = ()
     relies_on: Annotated[
         tuple[str, ...], Setting("the guards that have to hold", choices=tuple(GUARDS))
     ] = ()
@@ -99,14 +104,41 @@ class Substitute(NamedTuple):
 
 
 class DriveProfile(NamedTuple):
-    """What the driver does with this make of CiA 402 drive."""
+    """What the driver does with this make of CiA 402 drive.
+
+    command, actual: objects of the torque that is wanted and given, in one and the same unit: per
+    mille of the rated torque in the standard, a current or a torque in some makes. rating: object
+    with the rated torque; empty where a drive has none, and the parameter `rated_torque` alone says
+    it: then `rated_command` is what the command is at that torque. Torque and current must be
+    proportional there.
+    """
 
     rated_torque_unit: Annotated[
         float, Setting("unit of object 6076, 0 = mNm or micro-Nm, whichever fits", "Nm", 0.0, 1.0)
     ] = 0.0
+    rating: Annotated[
+        str, Setting("object of the rated torque, empty = none", choices=(RATING_OBJECT, ""))
+    ] = RATING_OBJECT
+    rated_command: Annotated[
+        int, Setting("command at the rated torque where `rating` is empty; 0 = it depends on the "
+                     "motor, the parameter of this name says it", "", 0, 32767)
+    ] = 1000
+    command: Annotated[str, Setting("object of the torque command")] = COMMAND_OBJECT
+    command_size: Annotated[
+        int, Setting("length of the command; of 4 the upper half counts", "byte", choices=(2, 4))
+    ] = 2
+    actual: Annotated[str, Setting("object of the torque that is given, 2 byte")] = ACTUAL_OBJECT
     modes: Annotated[
-        tuple[int, ...], Setting("torque modes (6060), best first", choices=(4, 10))
+        tuple[int, ...], Setting("torque modes (6060), best first; below 0 those of the maker", "",
+                                 -128, 127)
     ] = (10, 4)
+    mode_objects: tuple[WrittenObject, ...] = ()
+    mode_bits: Annotated[
+        int, Setting("bits of the controlword that the mode wants while enabled", "", 0, 0xFFFF)
+    ] = 0
+    mode_shown: Annotated[
+        str, Setting("from which state on 6061 shows the mode", choices=(ALWAYS, READY, ENABLED))
+    ] = ALWAYS
     slow_status: Annotated[
         tuple[str, ...],
         Setting("objects in TPDO2; the others are read by SDO", choices=("603F", "6061", "60FD")),
@@ -115,7 +147,7 @@ class DriveProfile(NamedTuple):
         bool, Setting("TPDO2 has an event timer (1801:05); else it follows SYNC")
     ] = True
     largest_target: Annotated[
-        int, Setting("largest object 6071", "per mille", 1, 32767)
+        int, Setting("largest command, in its unit", "", 1, 32767)
     ] = 32767
     heartbeat_timeout: Annotated[
         float, Setting("largest 1016 for this make, where it stands in for a guard", "s", 0.01,
@@ -127,6 +159,18 @@ class DriveProfile(NamedTuple):
         """Return what does not fit together."""
         if not self.modes:
             return "modes = (): a torque mode is wanted"
+        for mode in self.modes:
+            if mode not in (4, 10) and mode >= 0:
+                return f"modes: {mode} is no torque mode: 4, 10, or a maker's own below 0"
+        if self.mode_bits & _STATE_MACHINE_BITS:
+            return (
+                f"mode_bits = 0x{self.mode_bits:X}: bits 0 to 3 and 7 belong to the state machine"
+            )
+        if self.rating and self.command != COMMAND_OBJECT:
+            return (
+                f"command = {self.command!r}: only {COMMAND_OBJECT} is per mille of object "
+                f"{self.rating}; for another, rating: '' and rated_command are wanted"
+            )
         return ""
 
 
@@ -164,7 +208,7 @@ class ObjectTrait(NamedTuple):
     """How one object of a make differs from that of the standard.
 
     size: above 0, the object is the maker's own [byte]. value: default, None = the standard's;
-    per_node: the node id is added to it.
+    per_node: the node id is added to it. signed: of a maker's own object.
     """
 
     absent: bool = False
@@ -173,23 +217,39 @@ class ObjectTrait(NamedTuple):
     size: Annotated[int, Setting("of a maker's own object", "byte", choices=(0, 1, 2, 4))] = 0
     value: int | None = None
     per_node: bool = False
+    signed: bool = False
 
 
 class SimulatedTraits(NamedTuple):
     """How a simulated device of this make behaves, beyond its objects.
 
-    torque_unit: of object 6076 [Nm]. limit_object, limit_base: torque limit as a share of another
-    object. cycle_object [us], deadline_object [cycles]: its own deadline for commands.
+    torque_unit: of object 6076 [Nm]. command, actual: objects of the torque, the command in the
+    upper half of 32 bit if `upper_half`. mode, mode_bits: in which alone it gives torque, 0 = those
+    of CiA 402; source_object: has to be 1 for it. mode_shown: state from which 6061 shows the mode.
+    limit_object, limit_base: torque limit as a share of another object, or in the command's unit
+    without a base; `limit_below` less it if that is not 0. cycle_object [us], deadline_object
+    [cycles]: its own deadline for commands. transmission_types: of PDOs, empty = those of CiA 301.
     reversed_bit, scaling_bit: of 6000. parameters: of the driver's node, which it needs with the
     simulated device.
     """
 
     torque_unit: Annotated[float, Setting("of object 6076", "Nm", 1e-9, 1.0)] = 1e-3
-    largest_target: Annotated[int, Setting("largest 6071", "per mille", 1, 32767)] = 32767
+    largest_target: Annotated[int, Setting("largest command", "", 1, 32767)] = 32767
+    command: str = COMMAND_OBJECT
+    actual: str = ACTUAL_OBJECT
+    upper_half: bool = False
+    mode: Annotated[int, Setting("maker's own torque mode", "", -128, 0)] = 0
+    mode_bits: Annotated[int, Setting("of the controlword", "", 0, 0xFFFF)] = 0
+    source_object: str = ""
+    mode_shown: Annotated[
+        str, Setting("state from which 6061 is true", choices=(ALWAYS, READY, ENABLED))
+    ] = ALWAYS
     limit_object: str = ""
     limit_base: str = ""
+    limit_below: Annotated[int, Setting("value without a limit", "", 0, 32767)] = 0
     cycle_object: str = ""
     deadline_object: str = ""
+    transmission_types: tuple[int, ...] = ()
     reversed_bit: Annotated[int, Setting("bit of 6000, -1 = none", "", -1, 31)] = 0
     scaling_bit: Annotated[int, Setting("bit of 6000, -1 = none", "", -1, 31)] = 2
     parameters: dict[str, Any] = {}
@@ -213,8 +273,11 @@ class Profile(NamedTuple):
 
     def flaw(self) -> str:
         """Return an object key that no manual would write."""
-        written = [part.object for each in self.drive.substitutes for part in each.objects]
-        written += [part.base for each in self.drive.substitutes for part in each.objects]
+        drive = self.drive
+        parts = [part for each in drive.substitutes for part in each.objects]
+        parts += drive.mode_objects
+        written = [key for part in parts for key in (part.object, part.base)]
+        written += [drive.command, drive.actual]
         for key in (*self.objects, *filter(None, written)):
             try:
                 key_of(key)

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from ..can_io.port import SYNC_ID, Port
 from ..profiles import Profile, closest
-from . import emcy
+from . import communication, emcy
 from .errors import DeviceError, NotConfigured, Occupied, Refused, WrongDevice
 from .sdo import Sdo
 
@@ -85,6 +85,7 @@ class CanopenDevice:
     since the driver was created, by name. running: started, and not left since. intact: the device
     still has its configuration, as far as its frames tell. nmt, heartbeat_ns: network state and
     arrival of the last heartbeat. emergency: text of the last emergency, empty after its reset.
+    set_back: what an earlier master had left in it and `configure` has set back.
     """
 
     profile: ClassVar[int]
@@ -98,6 +99,7 @@ class CanopenDevice:
         self.nmt: int | None = None
         self.heartbeat_ns: int | None = None
         self.emergency = ""
+        self.set_back: list[str] = []
         self.sdo = Sdo(
             port, settings.node_id, label, settings.sdo_timeout, self._on_foreign_request
         )
@@ -130,9 +132,13 @@ class CanopenDevice:
         Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
         self.running = self.intact = False
+        self.set_back = []
         self.refuse_others()
         self.command_nmt(NMT_PRE_OPERATIONAL)
         self._identify()
+        self.set_back += communication.set_back(
+            self.sdo, self.settings.node_id, round(1e6 / self.sync_rate), self.own_objects
+        )
         found = self.set_up()
         self._configured_ns = self._port.clock.now_ns()
         self.intact = True  # before the check, so that nothing is missed between the two
@@ -182,8 +188,9 @@ class CanopenDevice:
         heard = self._port.listen(dict.fromkeys(can_ids, bool), self.settings.listen)
         if heard == SYNC_ID:
             raise Occupied(
-                f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
-                "or can.sync_producer should be false here"
+                f"somebody already sends SYNC on {self._port.name}: a second copy of this node; or "
+                "a device that makes SYNC itself (object 1005, bit 30: it ends with that device's "
+                "supply); or can.sync_producer should be false here"
             )
         if heard is not None:
             raise Occupied(
@@ -261,6 +268,21 @@ class CanopenDevice:
             self.reported(emergency)
 
     # -- hooks -----------------------------------------------------------------------------------
+
+    @property
+    def sync_rate(self) -> float:
+        """SYNCs per second on its bus [Hz]."""
+        raise NotImplementedError
+
+    @property
+    def own_objects(self) -> frozenset[tuple[int, int]]:
+        """Communication objects that `set_up` writes: index and sub-index."""
+        return frozenset()
+
+    @property
+    def answer_id(self) -> int:
+        """Identifier of the frame with which it answers SYNC."""
+        raise NotImplementedError
 
     def refuse_others(self) -> None:
         """Raise Occupied when another master works on this bus: see `listen_for`."""

@@ -77,7 +77,9 @@ class Drive(DriveReports):
         self._was_armed = False
         self._expects_heartbeat = True
         self._started_ns = 0
-        self._command_id = setup.command_pdo(settings).cob_id
+        self._command_id = setup.command_pdo(settings, make.drive).cob_id
+        self._pack_command = setup.command_layout(make.drive).pack
+        self._enable_word = cia402.ENABLE_OPERATION | make.drive.mode_bits
         port.subscribe(self._command_id, self._on_foreign_command)
 
     # -- configuration: blocking -----------------------------------------------------------------
@@ -85,7 +87,9 @@ class Drive(DriveReports):
     @property
     def traffic(self) -> list[Traffic]:
         """Frames for the bus load."""
-        return setup.drive_traffic(self.settings, self._port.sync_producer)
+        return setup.drive_traffic(
+            self.settings, self._port.sync_producer, self.make.drive, self._setup
+        )
 
     def refuse_others(self) -> None:
         """Raise Occupied when another master commands this drive, or sends our heartbeat."""
@@ -110,7 +114,7 @@ class Drive(DriveReports):
         ] + [*found.warnings, *map(str, found.replaced)]
 
     def _limited(self, found: setup.DriveSetup) -> None:
-        taken = self.make.drive.largest_target / PER_MILLE * found.rated_torque
+        taken = self.make.drive.largest_target / PER_MILLE * found.thousand
         self.told_limit = self.settings.max_torque
         self._largest = min(self.settings.max_torque, taken)
         self.unguarded = found.unguarded
@@ -149,8 +153,8 @@ class Drive(DriveReports):
             self.beat.beat(now_ns)
 
     def is_on(self, now_ns: int) -> bool:
-        """Return whether it is in operation enabled, by a fresh statusword."""
-        return self.state(now_ns) is State.OPERATION_ENABLED
+        """Return whether it is in operation enabled, by a fresh statusword, and in torque mode."""
+        return self.state(now_ns) is State.OPERATION_ENABLED and self.mode_confirmed
 
     def write(self, torque_nm: float, now_ns: int) -> float:
         """Send one command; return its torque [Nm], zero unless enabled on request.
@@ -175,6 +179,8 @@ class Drive(DriveReports):
         self._check_torque(state, now_ns)
         if not self.counters["writes"] % _MODE_EVERY:  # another mode is latched as it is heard
             self.check_mode(now_ns)
+            if not self.mode_confirmed:
+                self.confirm_mode(now_ns)
         beat_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
         controlword = logic.step(
             state, self.shown, beat_ns if self._expects_heartbeat else None, self.nmt, now_ns
@@ -182,8 +188,10 @@ class Drive(DriveReports):
         if logic.recovery.active and logic.recovery.nmt_start_due(state, now_ns):
             self.command_nmt(NMT_START)
         per_mille = 0
-        if controlword == cia402.ENABLE_OPERATION and state is State.OPERATION_ENABLED:
-            per_mille = self._per_mille(torque_nm)
+        if controlword == cia402.ENABLE_OPERATION:
+            controlword = self._enable_word
+            if state is State.OPERATION_ENABLED and self.mode_confirmed:
+                per_mille = self._per_mille(torque_nm)
         self._send(controlword, per_mille)
         if logic.nmt_stop_due(now_ns):
             # After the zero command: with 6007 altered, a stopped drive may keep its torque.
@@ -210,6 +218,7 @@ class Drive(DriveReports):
         last_ns = max(self._started_ns, given.monotonic_ns if given else 0)
         if now_ns - last_ns > _UNHEARD_NS:
             self.altered = True
+            self.logic.explain(self.emergency)
             self.logic.latch(f"the {self.label} was silent and may have restarted")
 
     def _check_torque(self, state: State, now_ns: int) -> None:
@@ -227,11 +236,11 @@ class Drive(DriveReports):
         if not -limit <= torque_nm <= limit:
             self.counters["saturated"] += 1
             torque_nm = max(-limit, min(limit, torque_nm))
-        return to_per_mille(self.settings.direction * torque_nm, self._setup.rated_torque)
+        return to_per_mille(self.settings.direction * torque_nm, self._setup.thousand)
 
     def _send(self, controlword: int, per_mille: int) -> None:
         try:
-            self._port.send(self._command_id, setup.COMMAND_LAYOUT.pack(controlword, per_mille))
+            self._port.send(self._command_id, self._pack_command(controlword, per_mille))
         except BusError as error:
             self.counters["bus_errors"] += 1
             self.logic.latch(str(error))
@@ -291,11 +300,15 @@ class Drive(DriveReports):
         )
 
     def _way_out(self, lacking: list[MissingGuard]) -> str:
+        """Return what to do; where the drive has an object and refuses a value, first that."""
         names = [each.guard for each in lacking if each.guard != MASTER_HEARTBEAT]
-        ways = ["choose the `profile` of its make"]
+        cures = list(dict.fromkeys(each.cure for each in lacking if each.cure))
+        ways = [", ".join(cures)] if cures else []
+        if not all(each.cure for each in lacking):
+            ways.append("choose the `profile` of its make")
         if names:
             ways.append(f"waive what you can do without, `waived` with {', '.join(names)}")
-        if len(names) < len(lacking):
+        if any(each.guard == MASTER_HEARTBEAT and not each.cure for each in lacking):
             ways.append("only `allow_no_heartbeat` lets a drive run that does not watch us")
         return ", or ".join(ways)
 
@@ -334,6 +347,7 @@ class Drive(DriveReports):
         again = not self.intact or self.altered
         if again:
             self.altered = False  # a client that continues meanwhile sets it again
+            self.forget_errors()  # what it reports from here on explains a fault that follows
             try:
                 self.configure()
                 self.start()
@@ -341,7 +355,9 @@ class Drive(DriveReports):
                 self.altered = True
                 raise
             logic.forget()
-        if self.running or again:
+            logic.explain(self.emergency)
+            logic.recover()
+        elif self.running:
             self.forget_errors()
             logic.recover()
         else:

@@ -16,6 +16,8 @@ from ..profiles import (
     FAULT_REACTION,
     GUARDS,
     LIMIT,
+    LIMIT_BELOW,
+    LIMIT_COMMAND,
     LOST_CONNECTION,
     MASTER_HEARTBEAT,
     PERIOD_US,
@@ -23,12 +25,12 @@ from ..profiles import (
     TORQUE_LIMIT,
     DriveProfile,
     Substitute,
-    SubstituteObject,
+    WrittenObject,
     key_of,
 )
 from ..units import LARGEST_PER_MILLE, PER_MILLE
 from .drive_settings import COAST, DriveSettings
-from .errors import NotConfigured, Refused
+from .errors import NotConfigured, Refused, cure
 from .sdo import Sdo
 
 _ROUNDING = 1e-6
@@ -42,7 +44,7 @@ class Object(NamedTuple):
     """One object that is written and read back; size: [byte].
 
     guard: the drive is not enabled without it; empty: a refusal is a warning, and a drive need not
-    have the object. name: for messages.
+    have the object. name: for messages. parameter: ROS parameter that the value comes from.
     """
 
     index: int  # type: ignore[assignment]  # hides the tuple's method
@@ -51,13 +53,19 @@ class Object(NamedTuple):
     size: int
     guard: str
     name: str = ""
+    parameter: str = ""
 
 
 class MissingGuard(NamedTuple):
-    """A guard that the drive refused. guard: of `profiles.GUARDS`; why: its answer."""
+    """A guard that the drive refused.
+
+    guard: of `profiles.GUARDS`; why: its answer. cure: what to do, where it has the object and only
+    does not take our value.
+    """
 
     guard: str
     why: str
+    cure: str = ""
 
     def __str__(self) -> str:
         return f"{GUARDS[self.guard]} ({self.why})"
@@ -85,11 +93,11 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
     period = milliseconds(settings.drive_heartbeat)
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
     return (
-        Object(0x1017, 0, period, 2, DRIVE_HEARTBEAT),
-        Object(0x1016, 1, consumer, 4, MASTER_HEARTBEAT),
+        Object(0x1017, 0, period, 2, DRIVE_HEARTBEAT, parameter="drive_heartbeat"),
+        Object(0x1016, 1, consumer, 4, MASTER_HEARTBEAT, parameter="heartbeat_timeout"),
         Object(0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, LOST_CONNECTION),
-        Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION),
-        Object(0x605E, 0, stop, 2, FAULT_REACTION),
+        Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION, parameter="stop_reaction"),
+        Object(0x605E, 0, stop, 2, FAULT_REACTION, parameter="stop_reaction"),
         limit_object(settings, rated),
         # Who coasts leaves operation enabled by voltage off, on which no option code acts.
         *(() if coast else (Object(0x605C, 0, _RAMP_DOWN, 2, "", "disable reaction"),)),
@@ -98,7 +106,8 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
 
 def limit_object(settings: DriveSettings, rated: float) -> Object:
     """Return the drive's own limit of its torque; rated: its torque [Nm]."""
-    return Object(0x6072, 0, own_limit(settings.max_torque, rated), 2, TORQUE_LIMIT)
+    value = own_limit(settings.max_torque, rated)
+    return Object(0x6072, 0, value, 2, TORQUE_LIMIT, parameter="max_torque")
 
 
 def own_limit(max_torque: float, rated_torque: float) -> int:
@@ -123,19 +132,26 @@ def written(sdo: Sdo, objects: tuple[Object, ...]) -> tuple[list[MissingGuard], 
             sdo.set(each.index, each.subindex, each.value, each.size)
         except (Refused, NotConfigured) as error:
             if each.guard:
-                missing.append(MissingGuard(each.guard, str(error)))
+                missing.append(MissingGuard(each.guard, str(error), cure(error, each.parameter)))
             elif not (isinstance(error, Refused) and error.absent):
                 warnings.append(f"{each.name} not set: {error}")
     return missing, warnings
 
 
+class Largest(NamedTuple):
+    """Largest torque: as a share of the rated one, and in the unit of the command."""
+
+    share: float
+    command: int
+
+
 def replaced(
     sdo: Sdo, settings: DriveSettings, profile: DriveProfile, missing: list[MissingGuard],
-    share: float,
+    largest: Largest,
 ) -> tuple[tuple[MissingGuard, ...], tuple[ReplacedGuard, ...]]:  # fmt: skip
     """Put the profile's substitutes in place of the missing guards.
 
-    share: largest torque over the rated one. Returns the guards that nothing replaces, and those
+    Returns the guards that nothing replaces, and those
     that are replaced. A substitute relies on guards that the drive itself took: one that is missing
     too does not count, whatever replaces it.
     """
@@ -146,8 +162,9 @@ def replaced(
         substitute = substitutes.get(each.guard)
         if substitute is None or substitute.flaw() or lacking & set(substitute.relies_on):
             left.append(each)
-        elif why := _substituted(sdo, settings, substitute, share):
-            left.append(MissingGuard(each.guard, f"{each.why}; {substitute.text}: {why}"))
+        elif why := _substituted(sdo, settings, substitute, largest):
+            told = f"{each.why}; {substitute.text}: {why}"
+            left.append(MissingGuard(each.guard, told, each.cure))
         else:
             word = not substitute.objects
             stood_in.append(ReplacedGuard(each.guard, substitute.text, word))
@@ -155,27 +172,38 @@ def replaced(
 
 
 def _substituted(
-    sdo: Sdo, settings: DriveSettings, substitute: Substitute, share: float
+    sdo: Sdo, settings: DriveSettings, substitute: Substitute, largest: Largest
 ) -> str:
     """Write a substitute's objects and read them back; return why not, empty if done."""
     try:
-        for each in substitute.objects:
-            index, subindex = key_of(each.object)
-            sdo.set(index, subindex, _quantity(sdo, settings, each, share), each.size)
+        write(sdo, settings, substitute.objects, largest)
     except (Refused, NotConfigured) as error:
         return str(error)
     return ""
 
 
+def write(
+    sdo: Sdo, settings: DriveSettings, objects: tuple[WrittenObject, ...], largest: Largest
+) -> None:
+    """Write a profile's objects and read them back; raises as `Sdo.set`."""
+    for each in objects:
+        index, subindex = key_of(each.object)
+        sdo.set(index, subindex, _quantity(sdo, settings, each, largest), each.size)
+
+
 def _quantity(
-    sdo: Sdo, settings: DriveSettings, wanted: SubstituteObject, share: float
+    sdo: Sdo, settings: DriveSettings, wanted: WrittenObject, largest: Largest
 ) -> int:
     if wanted.quantity == PERIOD_US:
         return round(1e6 / settings.rate)
     if wanted.quantity == DEADLINE_PERIODS:
         return round(settings.command_timeout * settings.rate)
     if wanted.quantity == LIMIT:
-        return math.ceil(share * sdo.unsigned(*key_of(wanted.base)) - _ROUNDING)
+        return math.ceil(largest.share * sdo.unsigned(*key_of(wanted.base)) - _ROUNDING)
+    if wanted.quantity == LIMIT_COMMAND:
+        return largest.command
+    if wanted.quantity == LIMIT_BELOW:
+        return wanted.value - largest.command
     return wanted.value
 
 

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from ..can_io.port import SYNC_ID, Port
-from ..profiles import Profile
+from ..profiles import ALWAYS, ENABLED, READY, Profile, key_of
 from ..samples import DriveReading
 from ..units import from_per_mille
 from . import cia402
 from . import drive_setup as setup
+from . import drive_slow_status as slow_status
 from .canopen import CanopenDevice
 from .cia402 import State
 from .drive_logic import DriveLogic
@@ -22,6 +23,14 @@ _ASKED_AFTER_NS = 300_000_000
 """Age at which an object is asked for: three times the period of TPDO2, which else brings it."""
 _MODE_UNKNOWN_NS = 1_000_000_000
 """Age of the mode (6061) at which it counts as unknown."""
+_WATCHED_BY_US = (0x1016, 1)
+_FROM_READY = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED)
+_TELLS_MODE_IN = {
+    ALWAYS: frozenset(State),
+    READY: frozenset(_FROM_READY),
+    ENABLED: frozenset(_FROM_READY[-1:]),
+}
+"""States in which 6061 is true, by a make's `mode_shown`."""
 
 
 class DriveReports(CanopenDevice):
@@ -33,7 +42,8 @@ class DriveReports(CanopenDevice):
     illegal_transitions (states that cannot follow each other), slow_polls_failed (of what TPDO2
     does not bring). Of a longer frame the mapped bytes count, which come first (CiA 301, 7.5.2.36).
     logic: goal and fault of the drive. reading: the newest cyclic answer, None before the first.
-    shown: the state in it. torque_of: torque of one per mille [Nm], direction included.
+    shown: the state in it. torque_of: torque of one in command and actual torque [Nm], direction
+    included. mode_confirmed: the drive has said that it is in torque mode, since it can tell.
     """
 
     profile = setup.PROFILE
@@ -45,16 +55,35 @@ class DriveReports(CanopenDevice):
         brake = settings.stop_reaction == BRAKE
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         self.logic = DriveLogic(label, brake, settings.enable_timeout, silence)
-        self._reported = Reported(setup.SLOW_STATUS, signed=(setup.MODE_DISPLAY,))
+        self._reported = Reported(slow_status.SLOW_STATUS, signed=(slow_status.MODE_DISPLAY,))
         self.torque_of = 0.0
-        self._setup = setup.DriveSetup(0, settings.rated_torque)
+        self.mode_confirmed = False
+        self._tells_mode_in = _TELLS_MODE_IN[make.drive.mode_shown]
+        self._tells_since_ns = 0
+        self._setup = setup.unconfigured(settings)
         self._position_of = settings.direction * per_turn / settings.counts_per_turn
         self._unwrapper = Unwrapper(FULL_RANGE)
         self._stale_ns = round(settings.stale_periods * 1e9 / settings.rate)
         self.forget_reports()
-        port.subscribe(setup.status_pdo(settings).cob_id, self._on_status)
-        port.subscribe(setup.slow_status_id(settings), self._on_slow_status)
+        port.subscribe(self.answer_id, self._on_status)
+        port.subscribe(slow_status.identifier(settings), self._on_slow_status)
         port.subscribe(SYNC_ID, self._on_sync)
+
+    @property
+    def sync_rate(self) -> float:
+        """SYNCs per second [Hz]."""
+        return self.settings.rate * self.settings.sync_divider
+
+    @property
+    def own_objects(self) -> frozenset[tuple[int, int]]:
+        """The watch of our heartbeat, and what the substitutes of its make write."""
+        parts = [part for each in self.make.drive.substitutes for part in each.objects]
+        return frozenset((_WATCHED_BY_US, *(key_of(part.object) for part in parts)))
+
+    @property
+    def answer_id(self) -> int:
+        """Identifier of TPDO1."""
+        return setup.status_pdo(self.settings, self.make.drive).cob_id
 
     @property
     def step(self) -> float:
@@ -69,26 +98,33 @@ class DriveReports(CanopenDevice):
     @property
     def error_code(self) -> int:
         """Object 603F, the newest known; 0 for none."""
-        return self._reported.value(setup.ERROR_CODE) or 0
+        return self._reported.value(slow_status.ERROR_CODE) or 0
 
     @property
     def mode_display(self) -> int:
         """Object 6061, the newest known; 0, which is no mode, while it is unknown."""
-        return self._reported.value(setup.MODE_DISPLAY) or 0
+        return self._reported.value(slow_status.MODE_DISPLAY) or 0
 
     @property
     def digital_inputs(self) -> int:
         """Object 60FD, the newest known; 0 while it is unknown."""
-        return self._reported.value(setup.DIGITAL_INPUTS) or 0
+        return self._reported.value(slow_status.DIGITAL_INPUTS) or 0
 
     def wrong_mode(self, now_ns: int) -> str:
-        """Return why torque may not pass, empty if the drive says that it is in torque mode."""
-        age_ns = self._reported.age_ns(setup.MODE_DISPLAY, now_ns)
+        """Return why torque may not pass, empty if the drive says that it is in torque mode.
+
+        Empty, too, in a state in which it does not tell: see `mode_confirmed`.
+        """
+        if self.shown not in self._tells_mode_in:
+            return ""
+        age_ns = self._reported.age_ns(slow_status.MODE_DISPLAY, now_ns)
         if age_ns > _MODE_UNKNOWN_NS:
             return (
                 f"the {self.label} does not say in which mode it is: 6061 was last heard "
                 f"{age_ns * 1e-9:.1f} s ago"
             )
+        if self._reported.value(slow_status.MODE_DISPLAY) is None:
+            return f"the {self.label} has not said yet in which mode it is (6061)"
         if self.mode_display != self.mode:
             return (
                 f"the {self.label} is not in torque mode {self.mode}, "
@@ -97,17 +133,30 @@ class DriveReports(CanopenDevice):
         return ""
 
     def check_mode(self, now_ns: int) -> None:
-        """Latch a mode that is wrong, or that was not heard of for too long, while enabled."""
-        if self.logic.enabling and (wrong := self.wrong_mode(now_ns)):
+        """Latch a mode that is wrong, or that was not heard of for too long, while enabled.
+
+        A drive that has only just come to where it tells its mode is given time for it.
+        """
+        if not (self.logic.enabling and (wrong := self.wrong_mode(now_ns))):
+            return
+        if self.mode_confirmed or now_ns - self._tells_since_ns > _MODE_UNKNOWN_NS:
             self.logic.latch(wrong)
+
+    def confirm_mode(self, now_ns: int) -> None:
+        """Note that the drive has said that it is in torque mode, since it tells; the loop's."""
+        heard_ns = now_ns - self._reported.age_ns(slow_status.MODE_DISPLAY, now_ns)
+        if self.shown in self._tells_mode_in and heard_ns >= self._tells_since_ns:
+            self.mode_confirmed = self.mode_display == self.mode
 
     def expect(self, found: setup.DriveSetup) -> None:
         """Take over mode and rating; the position restarts: it may have been switched off."""
         self._setup = found
         now_ns = self._port.clock.now_ns()
         self._reported.restart(now_ns)
-        self._reported.note({setup.MODE_DISPLAY: found.mode}, now_ns)  # read back just now
-        self.torque_of = self.settings.direction * from_per_mille(1, found.rated_torque)
+        self.mode_confirmed = self.make.drive.mode_shown == ALWAYS
+        if self.mode_confirmed:  # read back just now
+            self._reported.note({slow_status.MODE_DISPLAY: found.mode}, now_ns)
+        self.torque_of = self.settings.direction * from_per_mille(1, found.thousand)
         self._unwrapper = Unwrapper(FULL_RANGE)
 
     def forget_reports(self) -> None:
@@ -119,7 +168,7 @@ class DriveReports(CanopenDevice):
     def forget_errors(self) -> None:
         """Drop what the drive reported of errors before a recovery."""
         self.emergency = ""
-        self._reported.note({setup.ERROR_CODE: 0}, self._port.clock.now_ns())
+        self._reported.note({slow_status.ERROR_CODE: 0}, self._port.clock.now_ns())
 
     def state(self, now_ns: int) -> State:
         """Return the drive's state, UNKNOWN when its statusword is older than ten periods."""
@@ -143,6 +192,9 @@ class DriveReports(CanopenDevice):
         self.reading = DriveReading(arrival_ns, statusword, position, per_mille * self.torque_of)
         if self.shown is before:
             return
+        if self.shown in self._tells_mode_in and before not in self._tells_mode_in:
+            self.mode_confirmed, self._tells_since_ns = False, arrival_ns
+            self._reported.forget(slow_status.MODE_DISPLAY, arrival_ns)
         if self.shown is State.UNKNOWN:
             self.counters["bad_statusword"] += 1
         elif before is not State.UNKNOWN and not cia402.is_legal(before, self.shown):
@@ -150,7 +202,7 @@ class DriveReports(CanopenDevice):
         self.logic.changed(before, self.shown, self.emergency or _described(self.error_code))
 
     def _on_slow_status(self, data: bytes, arrival_ns: int) -> None:
-        layout = setup.slow_status_layout(self._setup.slow)
+        layout = slow_status.layout(self._setup.slow)
         if len(data) < layout.size:
             self.counters["wrong_length"] += 1
             return
@@ -158,6 +210,8 @@ class DriveReports(CanopenDevice):
         self._reported.note(dict(zip(self._setup.slow, values, strict=True)), arrival_ns)
         self.logic.explain(_described(self.error_code))
         self.check_mode(arrival_ns)
+        if not self.mode_confirmed:
+            self.confirm_mode(arrival_ns)
 
     def poll_due(self, now_ns: int) -> bool:
         """Return whether `poll_slow` has something to ask for."""
@@ -180,7 +234,7 @@ class DriveReports(CanopenDevice):
 
     def reported(self, emergency: Emergency) -> None:
         """Explain a fault by an emergency; while enabled, it stops the drive."""
-        self._reported.note({setup.ERROR_CODE: emergency.code}, self._port.clock.now_ns())
+        self._reported.note({slow_status.ERROR_CODE: emergency.code}, self._port.clock.now_ns())
         self.logic.explain(self.emergency)
         if self.logic.enabling:
             self.logic.latch(f"the {self.label} sent an emergency", self.emergency)

@@ -28,6 +28,10 @@ class DriveSettings(NamedTuple):
     rated_torque: Annotated[
         float, Setting("rated torque, checked against object 6076", "Nm", 1e-4, 1e4)
     ] = 0.42
+    rated_command: Annotated[
+        int, Setting("torque command at the rated torque (a current, for instance), for a make "
+                     "whose profile asks for it; else 0", "", 0, 32767)
+    ] = 0
     max_torque: Annotated[
         float, Setting("largest torque written, also the drive's own limit, object 6072", "Nm",
                        0.0, 1e5)

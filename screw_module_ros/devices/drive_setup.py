@@ -2,22 +2,30 @@
 """Configures a CiA 402 drive for torque: rating, mode, process data, guards.
 
 What a make of drive does otherwise, its profile says (`profiles.py`); the guards are those of
-`drive_guards`.
+`drive_guards`, TPDO2 that of `drive_slow_status`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import struct
-from functools import cache
 from typing import NamedTuple
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
-from ..profiles import COMMAND_DEADLINE, TORQUE_LIMIT, DriveProfile, key_of
-from ..units import PER_MILLE
-from . import pdo
+from ..profiles import (
+    ALWAYS,
+    ANY_DRIVE,
+    COMMAND_DEADLINE,
+    TORQUE_LIMIT,
+    DriveProfile,
+    key_of,
+)
+from ..units import LARGEST_PER_MILLE, PER_MILLE
+from . import drive_slow_status, pdo
 from .drive_guards import (
+    Largest,
     MissingGuard,
     Object,
     ReplacedGuard,
@@ -25,10 +33,11 @@ from .drive_guards import (
     milliseconds,
     replaced,
     stop_objects,
+    write,
     written,
 )
 from .drive_settings import DriveSettings
-from .errors import NotConfigured, Refused, WrongDevice
+from .errors import NotConfigured, Refused, WrongDevice, cure
 from .sdo import Sdo
 
 PROFILE = 402
@@ -44,88 +53,88 @@ _MILLI, _MICRO = 1e-3, 1e-6
 _RATING_TOLERANCE = 0.01
 
 _STEEPEST_SLOPE = 0x7FFFFFFF
-_SLOW_STATUS_MS = 100
-_MOST_SYNCS = 240
+_ROUNDING = 1e-6
 
-#: RPDO1: controlword, target torque [per mille of the rated torque].
-COMMAND = (pdo.Entry(0x6040, 0, 16), pdo.Entry(0x6071, 0, 16))
-COMMAND_LAYOUT = struct.Struct("<Hh")
-#: TPDO1: statusword, position [counts, wraps at 32 bit], torque [per mille of the rated torque].
-STATUS = (pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32), pdo.Entry(0x6077, 0, 16))
+#: TPDO1: statusword, position [counts, wraps at 32 bit], torque [unit of the command].
 STATUS_LAYOUT = struct.Struct("<HIh")
-ERROR_CODE, MODE_DISPLAY, DIGITAL_INPUTS = 0x603F, 0x6061, 0x60FD
-#: Of TPDO2, as far as a make can map them: object -> code of `struct`, size [bit].
-SLOW_STATUS = {ERROR_CODE: ("H", 16), MODE_DISPLAY: ("b", 8), DIGITAL_INPUTS: ("I", 32)}
+_COMMAND_LAYOUTS = {2: struct.Struct("<Hh"), 4: struct.Struct("<H2xh")}
 
 
 class DriveSetup(NamedTuple):
     """Result of the configuration.
 
-    mode: object 6060 in use. rated_torque: torque of 1000 per mille [Nm]. unguarded: guards that
-    the drive refused and nothing replaces. replaced: those that its profile replaces. warnings:
-    harmless refusals. slow: objects that TPDO2 carries. open_ids: identifiers at which it takes
-    commands besides ours, because it does not let these PDOs be disabled.
+    mode: object 6060 in use. rated_torque: of the motor [Nm]. thousand: torque of 1000 in command
+    and actual torque, the rated one where they are per mille of it [Nm]. unguarded: guards that the
+    drive refused and nothing replaces. replaced: those that its profile replaces. warnings:
+    harmless refusals. slow: objects that TPDO2 carries; slow_rate: its frames per second [Hz].
+    open_ids: identifiers at which it takes commands besides ours, because it does not let these
+    PDOs be disabled.
     """
 
     mode: int
     rated_torque: float
+    thousand: float
     unguarded: tuple[MissingGuard, ...] = ()
     replaced: tuple[ReplacedGuard, ...] = ()
     warnings: tuple[str, ...] = ()
-    slow: tuple[int, ...] = tuple(SLOW_STATUS)
+    slow: tuple[int, ...] = tuple(drive_slow_status.SLOW_STATUS)
+    slow_rate: float = 1e3 / drive_slow_status.PERIOD_MS
     open_ids: tuple[int, ...] = ()
+
+
+def unconfigured(settings: DriveSettings) -> DriveSetup:
+    """Return what is taken for granted before a drive is configured."""
+    return DriveSetup(0, settings.rated_torque, settings.rated_torque)
 
 
 # -- what the drive is told ----------------------------------------------------------------------
 
 
-def command_pdo(settings: DriveSettings) -> pdo.Pdo:
+def command_pdo(settings: DriveSettings, profile: DriveProfile) -> pdo.Pdo:
     """Return RPDO1, effective at once, with the deadline that stops the drive."""
     deadline = milliseconds(settings.command_timeout)
-    return pdo.Pdo(1, False, 0x200 + settings.node_id, pdo.ON_EVENT, COMMAND, deadline)
+    torque = pdo.Entry(*key_of(profile.command), 8 * profile.command_size)
+    entries = (pdo.Entry(0x6040, 0, 16), torque)
+    return pdo.Pdo(1, False, 0x200 + settings.node_id, pdo.ON_EVENT, entries, deadline)
 
 
-def status_pdo(settings: DriveSettings) -> pdo.Pdo:
+def command_layout(profile: DriveProfile) -> struct.Struct:
+    """Return the layout of RPDO1: controlword, torque command."""
+    return _COMMAND_LAYOUTS[profile.command_size]
+
+
+def status_pdo(settings: DriveSettings, profile: DriveProfile) -> pdo.Pdo:
     """Return TPDO1, at every SYNC or every n-th."""
-    return pdo.Pdo(1, True, 0x180 + settings.node_id, settings.sync_divider, STATUS)
-
-
-def slow_status_id(settings: DriveSettings) -> int:
-    """Return the identifier of TPDO2."""
-    return 0x280 + settings.node_id
-
-
-def slow_status_pdo(settings: DriveSettings, slow: tuple[int, ...], timer: bool) -> pdo.Pdo:
-    """Return TPDO2 with these objects, on change and every 100 ms; without a timer after SYNCs."""
-    entries = tuple(pdo.Entry(index, 0, SLOW_STATUS[index][1]) for index in slow)
-    cob_id = slow_status_id(settings)
-    if timer:
-        return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, entries, _SLOW_STATUS_MS)
-    syncs = round(_SLOW_STATUS_MS * 1e-3 * settings.rate * settings.sync_divider)
-    return pdo.Pdo(2, True, cob_id, max(1, min(_MOST_SYNCS, syncs)), entries)
-
-
-@cache
-def slow_status_layout(slow: tuple[int, ...]) -> struct.Struct:
-    """Return the layout of TPDO2 with these objects."""
-    return struct.Struct("<" + "".join(SLOW_STATUS[index][0] for index in slow))
+    torque = pdo.Entry(*key_of(profile.actual), 16)
+    entries = (pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32), torque)
+    return pdo.Pdo(1, True, 0x180 + settings.node_id, settings.sync_divider, entries)
 
 
 #: Profile torque ramps towards its target; with the steepest ramp it acts like cyclic torque.
 _SLOPE = Object(0x6087, 0, _STEEPEST_SLOPE, 4, "", "torque slope")
 
 
-def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[Traffic]:
-    """Return the frames of this device for the bus load, SYNC included where we send it."""
+def drive_traffic(
+    settings: DriveSettings,
+    sync_producer: bool = True,
+    profile: DriveProfile = ANY_DRIVE.drive,
+    found: DriveSetup | None = None,
+) -> list[Traffic]:
+    """Return the frames of this device for the bus load, SYNC included where we send it.
+
+    found: its configuration, which says what TPDO2 came to; None before that.
+    """
     name, rate = f"drive {settings.node_id}", settings.rate
+    found = found or unconfigured(settings)
     frames = [
-        Traffic(f"{name} RPDO1", COMMAND_LAYOUT.size, rate),
+        Traffic(f"{name} RPDO1", command_layout(profile).size, rate),
         Traffic(f"{name} TPDO1", STATUS_LAYOUT.size, rate),
-        Traffic(f"{name} TPDO2", slow_status_layout(tuple(SLOW_STATUS)).size,
-                1e3 / _SLOW_STATUS_MS),
         Traffic(f"{name} heartbeat", 1, 1.0 / settings.drive_heartbeat),
         Traffic(f"heartbeat {settings.master_id}", 1, 1.0 / settings.heartbeat_period),
     ]
+    if found.slow:
+        slow = drive_slow_status.layout(found.slow)
+        frames.insert(2, Traffic(f"{name} TPDO2", slow.size, found.slow_rate))
     sync = Traffic("SYNC", 0, rate * settings.sync_divider)
     return [sync, *frames] if sync_producer else frames
 
@@ -138,35 +147,44 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile)
 
     Raises NotAnswering, WrongDevice, Refused, NotConfigured.
     """
-    for index in (0x6071, 0x6040):  # an earlier program may have left the drive enabled
+    # An earlier program may have left the drive enabled.
+    for key, size in ((key_of(profile.command), profile.command_size), ((0x6040, 0), 2)):
         with contextlib.suppress(Refused):  # by PDO only; the first command sends the same
-            sdo.write(index, 0, 0, 2)
-    units = (profile.rated_torque_unit,) if profile.rated_torque_unit else (_MILLI, _MICRO)
-    rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, sdo.label, units)
-    mode = _select_mode(port, sdo, profile.modes)
-    warnings: list[str] = []
+            sdo.write(*key, 0, size)
+    rated, thousand = _rating(sdo, settings, profile)
+    largest = _largest(settings, rated, thousand, profile)
+    write(sdo, settings, profile.mode_objects, largest)
+    mode = _select_mode(port, sdo, profile)
+    warnings: list[str] = [] if profile.rating else [_unchecked_rating(sdo, settings)]
     if mode == PROFILE_TORQUE_MODE:
-        _, warnings = written(sdo, (_SLOPE,))
+        warnings += written(sdo, (_SLOPE,))[1]
     else:
         _clear_offset(sdo)
-    command, status = command_pdo(settings), status_pdo(settings)
-    slow = tuple(key_of(key)[0] for key in profile.slow_status)
-    wanted = slow_status_pdo(settings, slow, profile.slow_status_timer)
-    open_ids = pdo.disable_unused(sdo, (command, status, wanted))
+    command, status = command_pdo(settings, profile), status_pdo(settings, profile)
+    slow = drive_slow_status.wanted_objects(profile)
+    used = (command, status, *drive_slow_status.wanted_pdos(settings, slow)[:1 if slow else 0])
+    open_ids = pdo.disable_unused(sdo, used)
     pdo.configure(sdo, status)
-    slow = _configure_slow_status(sdo, settings, slow, profile.slow_status_timer)
+    slow, slow_rate, told = drive_slow_status.configure(sdo, settings, profile)
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
     missing, refused = written(sdo, stop_objects(settings, rated))
     if no_deadline:
-        missing.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
-    share = _share(settings, rated, profile)
-    unguarded, stood_in = replaced(sdo, settings, profile, missing, share)
-    warned = (*warnings, *refused)
-    return DriveSetup(mode, rated, unguarded, stood_in, warned, slow, open_ids)
+        way_out = cure(no_deadline, "command_timeout")
+        missing.insert(0, MissingGuard(COMMAND_DEADLINE, str(no_deadline), way_out))
+    unguarded, stood_in = replaced(sdo, settings, profile, missing, largest)
+    warned = (*warnings, *told, *refused)
+    return DriveSetup(
+        mode, rated, thousand, unguarded, stood_in, warned, slow, slow_rate, open_ids
+    )
 
 
-def _share(settings: DriveSettings, rated: float, profile: DriveProfile) -> float:
-    return min(settings.max_torque / rated, profile.largest_target / PER_MILLE)
+def _largest(
+    settings: DriveSettings, rated: float, thousand: float, profile: DriveProfile
+) -> Largest:
+    wanted = math.ceil(settings.max_torque / thousand * PER_MILLE - _ROUNDING)
+    command = min(wanted, profile.largest_target, LARGEST_PER_MILLE)
+    share = min(settings.max_torque, profile.largest_target / PER_MILLE * thousand) / rated
+    return Largest(share, command)
 
 
 def limit_again(
@@ -178,24 +196,47 @@ def limit_again(
     """
     if any(each.guard == TORQUE_LIMIT for each in found.unguarded):
         return found
-    rated = found.rated_torque
-    missing, _ = written(sdo, (limit_object(settings, rated),))
-    lacking, _ = replaced(sdo, settings, profile, missing, _share(settings, rated, profile))
+    missing, _ = written(sdo, (limit_object(settings, found.rated_torque),))
+    largest = _largest(settings, found.rated_torque, found.thousand, profile)
+    lacking, _ = replaced(sdo, settings, profile, missing, largest)
     return found._replace(unguarded=(*found.unguarded, *lacking))
 
 
-def _configure_slow_status(
-    sdo: Sdo, settings: DriveSettings, slow: tuple[int, ...], timer: bool
-) -> tuple[int, ...]:
-    """Configure TPDO2; return its objects. The digital inputs are optional (CiA 402)."""
-    try:
-        pdo.configure(sdo, slow_status_pdo(settings, slow, timer))
-    except (Refused, NotConfigured):
-        if len(slow) == 1 or slow[-1] != DIGITAL_INPUTS:
-            raise
-        slow = slow[:-1]
-        pdo.configure(sdo, slow_status_pdo(settings, slow, timer))
-    return slow
+def _rating(sdo: Sdo, settings: DriveSettings, profile: DriveProfile) -> tuple[float, float]:
+    """Return the rated torque and the torque of a command of 1000 [Nm].
+
+    Raises NotConfigured where the drive does not tell the rated torque, and its profile or our
+    parameters do not say what the command means; WrongDevice where drive and parameter differ.
+    """
+    if profile.rating:
+        units = (profile.rated_torque_unit,) if profile.rated_torque_unit else (_MILLI, _MICRO)
+        try:
+            raw = sdo.unsigned(key_of(profile.rating)[0])
+        except Refused as error:
+            if not error.absent:
+                raise
+            raise NotConfigured(
+                f"{sdo.label} does not tell its rated torque (6076 is absent), so nobody knows "
+                "what a command of 1000 is: only a `profile` of its make can say it (`rating`, "
+                "`rated_command`)"
+            ) from error
+        rated = rated_torque(raw, settings.rated_torque, sdo.label, units)
+        return rated, rated
+    command = settings.rated_command or profile.rated_command
+    if not command:
+        raise NotConfigured(
+            f"{sdo.label} is commanded in a unit of its own (object {profile.command}) and does "
+            "not tell its rated torque: set `rated_command` to what its command is at "
+            f"`rated_torque`, {settings.rated_torque:g} Nm; the notes of its profile say how"
+        )
+    return settings.rated_torque, settings.rated_torque * PER_MILLE / command
+
+
+def _unchecked_rating(sdo: Sdo, settings: DriveSettings) -> str:
+    return (
+        f"{sdo.label} does not tell its rated torque: {settings.rated_torque:g} Nm is the "
+        "parameter's word alone, and a wrong one makes each force wrong; measure one"
+    )
 
 
 def rated_torque(
@@ -217,18 +258,26 @@ def rated_torque(
     )
 
 
-def _select_mode(port: Port, sdo: Sdo, modes: tuple[int, ...]) -> int:
-    supported = sdo.unsigned(0x6502)
-    mode = next((mode for mode in modes if supported >> _MODE_BITS[mode] & 1), 0)
+def _select_mode(port: Port, sdo: Sdo, profile: DriveProfile) -> int:
+    """Set the best of the modes that the drive has. A maker's own show in no bit of 6502."""
+    own = [mode for mode in profile.modes if mode < 0]
+    supported = 0 if own == list(profile.modes) else sdo.unsigned(0x6502)
+    has = {mode: supported >> bit & 1 for mode, bit in _MODE_BITS.items()} | dict.fromkeys(own, 1)
+    mode = next((mode for mode in profile.modes if has[mode]), 0)
     if not mode:
         raise WrongDevice(
             f"{sdo.label} has neither cyclic synchronous torque nor profile torque mode "
             f"(6502 = 0x{supported:X})"
         )
     sdo.write(0x6060, 0, mode, 1)
+    if profile.mode_shown != ALWAYS:
+        return mode  # it shows the mode later, before torque may pass
     if not port.wait_for(lambda: sdo.signed(0x6061) == mode, _MODE_WITHIN_S):
         shown = sdo.signed(0x6061)
-        raise NotConfigured(f"{sdo.label}: mode {mode} was asked for (6060), 6061 shows {shown}")
+        raise NotConfigured(
+            f"{sdo.label}: mode {mode} was asked for (6060), 6061 shows {shown}; if it shows the "
+            "mode in some states only, `mode_shown` of its profile says so"
+        )
     return mode
 
 

@@ -72,8 +72,7 @@ class Encoder(CanopenDevice):
         self._sampled_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
-        position = setup.position_pdo(settings, make.encoder.pdo)
-        port.subscribe(position.cob_id, self._on_position)
+        port.subscribe(self.answer_id, self._on_position)
         if not port.sync_producer:
             port.subscribe(SYNC_ID, self._on_sync)
 
@@ -100,6 +99,16 @@ class Encoder(CanopenDevice):
     @property
     def _silent_ns(self) -> int:
         return self._port.clock.now_ns() - self._sampled_ns
+
+    @property
+    def sync_rate(self) -> float:
+        """SYNCs per second: one in each tick [Hz]."""
+        return self.settings.rate
+
+    @property
+    def answer_id(self) -> int:
+        """Identifier of the TPDO with the position."""
+        return setup.position_pdo(self.settings, self.make.encoder.pdo).cob_id
 
     @property
     def traffic(self) -> list[Traffic]:

@@ -10,7 +10,7 @@ from ..geometry import COUNTS_PER_TURN
 from ..profiles import GENERIC_406, EncoderProfile
 from ..settings import Setting
 from . import pdo
-from .errors import NotConfigured, Refused
+from .errors import NotConfigured, Refused, cure
 from .motion import FULL_RANGE
 from .sdo import Sdo
 
@@ -127,9 +127,9 @@ def _scale(sdo: Sdo, settings: EncoderSettings) -> int:
         _set_if_other(sdo, 0x6000, wanted, 2)
     except (Refused, NotConfigured):
         return _unscaled(sdo, settings)
-    _set_if_other(sdo, 0x6001, settings.counts_per_turn, 4)
+    _set_if_other(sdo, 0x6001, settings.counts_per_turn, 4, "counts_per_turn")
     if settings.measuring_range:
-        _set_if_other(sdo, 0x6002, settings.measuring_range, 4)
+        _set_if_other(sdo, 0x6002, settings.measuring_range, 4, "measuring_range")
     # 2^32 does not fit into the object: a device that uses the whole range shows 0.
     return sdo.unsigned(0x6002) or FULL_RANGE
 
@@ -137,7 +137,7 @@ def _scale(sdo: Sdo, settings: EncoderSettings) -> int:
 def _unscaled(sdo: Sdo, settings: EncoderSettings) -> int:
     """Accept an encoder that cannot scale, if its resolution is that of the settings."""
     direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
-    _set_if_other(sdo, 0x6000, direction, 2)
+    _set_if_other(sdo, 0x6000, direction, 2, "code_sequence")
     return _turns(sdo, settings, sdo.unsigned(0x6501))
 
 
@@ -178,7 +178,16 @@ def _compare(sdo: Sdo, settings: EncoderSettings, per_turn: int, source: str) ->
         )
 
 
-def _set_if_other(sdo: Sdo, index: int, value: int, size: int) -> None:
-    """Write a value only if it differs: some encoders store each write in EEPROM."""
-    if sdo.unsigned(index) != value:
+def _set_if_other(sdo: Sdo, index: int, value: int, size: int, parameter: str = "") -> None:
+    """Write a value only if it differs: some encoders store each write in EEPROM.
+
+    parameter: where the value comes from; a refused value is told with it.
+    """
+    if sdo.unsigned(index) == value:
+        return
+    try:
         sdo.set(index, 0, value, size)
+    except (Refused, NotConfigured) as error:
+        if way_out := cure(error, parameter):
+            raise NotConfigured(f"{error}; {way_out}") from error
+        raise

@@ -38,6 +38,9 @@ class Refused(DeviceError):
     ABSENT = frozenset({0x06020000, 0x06090011})
     #: Abort codes for an object that cannot be written.
     READ_ONLY = frozenset({0x06010000, 0x06010002})
+    TOO_HIGH, TOO_LOW = 0x06090031, 0x06090032
+    #: Abort codes for a value that an existing object does not take.
+    VALUE = frozenset({0x06040043, 0x06090030, TOO_HIGH, TOO_LOW, 0x06090036})
 
     def __init__(self, text: str, code: int):
         super().__init__(text)
@@ -54,6 +57,12 @@ class Refused(DeviceError):
         return self.code in self.READ_ONLY
 
 
+    @property
+    def of_value(self) -> bool:
+        """Whether the device has the object and refuses only this value."""
+        return self.code in self.VALUE
+
+
 class WrongDevice(DeviceError):
     """The device is not the one the settings describe. Example: a drive where an encoder is."""
 
@@ -64,3 +73,14 @@ class NotConfigured(DeviceError):
 
 class NotNow(DeviceError):
     """Enabling, homing or taring is refused now. Example: a latched fault, a nut that moves."""
+
+
+def cure(error: DeviceError, parameter: str) -> str:
+    """Return what to do where a device has an object and does not take our value, else nothing.
+
+    parameter: ROS parameter that the value comes from, empty for a constant.
+    """
+    if not (parameter and isinstance(error, Refused) and error.of_value):
+        return ""
+    how = {Refused.TOO_HIGH: "a smaller", Refused.TOO_LOW: "a larger"}.get(error.code, "another")
+    return f"set {how} `{parameter}`"

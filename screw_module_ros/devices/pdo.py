@@ -90,11 +90,42 @@ def disable_unused(sdo: Sdo, used: tuple[Pdo, ...]) -> tuple[int, ...]:
     return tuple(left)
 
 
-def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
+def switch_off(sdo: Sdo, pdo: Pdo) -> None:
+    """Switch a PDO off, or take its entries away; raises as `Sdo.set`."""
+    if not _disabled(sdo, pdo.parameters, sdo.unsigned(pdo.parameters, 1)):
+        _emptied(sdo, pdo.parameters)
+
+
+def mappable(sdo: Sdo, pdo: Pdo) -> tuple[Entry, ...]:
+    """Switch a PDO off; return those of its entries that the device can map into it.
+
+    Those of a fixed mapping count if all of them are among ours, in our order. Raises as `Sdo.set`.
+    """
+    _disabled(sdo, pdo.parameters, sdo.unsigned(pdo.parameters, 1))
+    try:
+        sdo.set(pdo.mapping, 0, 0, 1)
+    except Refused:
+        count = sdo.unsigned(pdo.mapping, 0)
+        there = [sdo.unsigned(pdo.mapping, subindex + 1) for subindex in range(count)]
+        kept = tuple(entry for entry in pdo.entries if entry.value in there)
+        return kept if [entry.value for entry in kept] == there else ()
+    found: list[Entry] = []
+    for entry in pdo.entries:
+        try:
+            sdo.set(pdo.mapping, len(found) + 1, entry.value, 4)
+        except (Refused, NotConfigured):
+            continue
+        found.append(entry)
+    return tuple(found)
+
+
+def configure(
+    sdo: Sdo, pdo: Pdo, timer_optional: bool = False
+) -> Refused | NotConfigured | None:
     """Configure one PDO and read everything back.
 
-    With `timer_optional`, returns why the device refused the timer; otherwise an empty string.
-    Raises NotConfigured, Refused, NotAnswering.
+    With `timer_optional`, returns why the device refused the timer, else None. Raises
+    NotConfigured, Refused, NotAnswering.
     """
     before = sdo.unsigned(pdo.parameters, 1)
     disabled = _disabled(sdo, pdo.parameters, before)
@@ -102,6 +133,7 @@ def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
     sdo.set(pdo.parameters, 2, pdo.kind, 1)
     if pdo.transmit:
         _clear_if_there(sdo, pdo.parameters, 3)
+        _clear_if_there(sdo, pdo.parameters, 6, size=1)  # which SYNC by its counter: ours has none
     refused = _set_timer(sdo, pdo, timer_optional)
     if disabled:
         keep = before & _NO_REMOTE if pdo.transmit else 0
@@ -159,24 +191,24 @@ def _map(sdo: Sdo, pdo: Pdo) -> None:
     sdo.set(pdo.mapping, 0, len(wanted), 1)
 
 
-def _set_timer(sdo: Sdo, pdo: Pdo, optional: bool) -> str:
+def _set_timer(sdo: Sdo, pdo: Pdo, optional: bool) -> Refused | NotConfigured | None:
     if pdo.timer_ms == 0:
         _clear_if_there(sdo, pdo.parameters, 5)
-        return ""
+        return None
     try:
         sdo.set(pdo.parameters, 5, pdo.timer_ms, 2)
     except (Refused, NotConfigured) as error:
         if not optional:
             raise
-        return str(error)
-    return ""
+        return error
+    return None
 
 
-def _clear_if_there(sdo: Sdo, parameters: int, subindex: int) -> None:
-    """Set a time to 0 unless it is 0 already or the device does not implement it."""
+def _clear_if_there(sdo: Sdo, parameters: int, subindex: int, size: int = 2) -> None:
+    """Set an entry to 0 unless it is 0 already or the device does not implement it."""
     try:
         if sdo.unsigned(parameters, subindex) == 0:
             return
     except Refused:
         return
-    sdo.set(parameters, subindex, 0, 2)
+    sdo.set(parameters, subindex, 0, size)

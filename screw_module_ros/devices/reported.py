@@ -27,13 +27,17 @@ class Reported:
     def restart(self, now_ns: int) -> None:
         """Forget all values, and which objects are absent; ages count from now_ns [ns]."""
         self._begun_ns = now_ns
-        self._heard: dict[int, tuple[int, int]] = {}
+        self._heard: dict[int, tuple[int | None, int]] = {}
         self._absent: set[int] = set()
 
     def note(self, values: Mapping[int, int], now_ns: int) -> None:
         """Take over values that came at now_ns [ns]: index -> value."""
         for index, value in values.items():
             self._heard[index] = value, now_ns
+
+    def forget(self, index: int, now_ns: int) -> None:
+        """Take an object for unknown, as if it was never heard; its age counts from now_ns [ns]."""
+        self._heard[index] = None, now_ns
 
     def value(self, index: int) -> int | None:
         """Return the newest value of an object, None while it is unknown."""

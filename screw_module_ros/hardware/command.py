@@ -20,17 +20,18 @@ from ..can_io.errors import BusError
 from ..can_io.port import Port
 from ..clock import Clock, WallClock
 from ..devices import force_sensors
+from ..devices.canopen import CanopenDevice
 from ..devices.drive import Drive
 from ..devices.drive_settings import JOINTS, SHARED, DriveSettings
 from ..devices.encoder import Encoder
 from ..devices.encoder_setup import EncoderSettings
 from ..devices.force_sensor_settings import ForceSensorSettings
+from ..devices.makes import node_parameters
 from ..geometry import Screw
-from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, by_kind, load
-from ..profiles import NODES as DRIVERS
+from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, load
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
-from . import devices, machine
+from . import devices, exchange, machine
 from .devices import Bus
 from .finding import TO_DO, Finding, table
 
@@ -149,6 +150,9 @@ def check(
             findings += told
             if told[0].todo == "":
                 there[name] = device
+                if isinstance(device, CanopenDevice):
+                    port = found.bus_of(device).port
+                    findings.append(exchange.answer_to_sync(device, name, port))
         if move and {"encoder", "amplifier"} <= there.keys():
             tell(f"Move the handle UP by about 5 cm and back, for {move:g} s.")
             findings += devices.directions(there["encoder"], there["amplifier"], clock, move)
@@ -184,10 +188,8 @@ def command(
     try:
         above = parameter_files.above(namespace)
         values = values_of(str(path), above)
-        for kind, name in by_kind(makes).items():
-            for node in DRIVERS[kind]:
-                own = load(name).simulated.parameters if simulation else {}
-                values[node].update(own, profile=name)
+        for node, own in node_parameters(makes, simulation).items():
+            values[node].update(own)
         nodes = [node for node in NODES if node not in without]
         findings = sections(str(path), above, values, nodes)
         findings += check(values, nodes, WallClock(), move, seconds, click.echo, above)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The devices on their buses: who answers, guards, directions, counts, noise, latency.
 
-The drivers are those of the nodes. Drives are found and configured, never started: a drive that
-nobody started takes no command, and its guards are not armed.
+The drivers are those of the nodes. Drives are found and configured, and started for one answer to
+SYNC alone (`exchange.py`): a drive without a command stays off, and its guards are not armed.
 """
 
 from __future__ import annotations
@@ -112,9 +112,13 @@ def configured(device: Any, name: str) -> list[Finding]:
     except DeviceError as error:
         return [Finding(name, str(error), "its configuration", _likely(device))]
     found = [Finding(name, device.identity)]
+    if isinstance(device, CanopenDevice):
+        found += [Finding(f"{name} set back", each) for each in device.set_back]
     if isinstance(device, Drive):
         if lacking := device.lacks_guards():
-            found.append(Finding(f"{name} guards", lacking, "all of them", "as it says"))
+            makes = _makes(device)
+            todo = f"as it says; {makes}" if makes else "as it says"
+            found.append(Finding(f"{name} guards", lacking, "all of them", todo))
         found += [Finding(f"{name} guard", warning) for warning in device.warnings
                   if not (lacking and warning.startswith("UNGUARDED"))]  # fmt: skip
     return found
@@ -122,13 +126,18 @@ def configured(device: Any, name: str) -> list[Finding]:
 
 def _likely(device: Any) -> str:
     """Return what may help: the makes that come closest."""
-    if not isinstance(device, CanopenDevice):
-        return "check supply, cable, ids and parameters"
-    try:
-        makes = device.likely_makes()
-    except DeviceError:
+    makes = _makes(device)
+    if not makes:
         return "check supply, cable, ids and parameters"
     return f"correct the parameter that it names, or set `profile`; {makes}"
+
+
+def _makes(device: Any) -> str:
+    """Return the makes that come closest, empty if nobody says."""
+    try:
+        return device.likely_makes() if isinstance(device, CanopenDevice) else ""
+    except DeviceError:
+        return ""
 
 
 def directions(

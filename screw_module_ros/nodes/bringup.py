@@ -20,12 +20,13 @@ from typing import Any, NamedTuple
 
 import click
 
+from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.parameter_files import above, unread_sections
 from screw_module_ros.plant.patient import PATIENTS
-from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, NODES, by_kind, load
+from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, by_kind
 from screw_module_ros.resources import resource_path
 
 from .support.arguments import NETWORK, arguments
@@ -123,16 +124,16 @@ def device_arguments(devices: str, simulation: bool) -> list[str]:
     devices: names or paths, by comma, one for each kind at most. Raises SettingError for one that
     does not exist, or for two of a kind.
     """
-    words: list[str] = []
-    for kind, name in by_kind(devices).items():
-        values = {f"{node}:profile": name for node in NODES[kind]}
-        if simulation:
-            values[f"sim_rig:devices.{_IN_RIG[kind]}"] = name
-            for parameter, value in load(name).simulated.parameters.items():
-                values.update({f"{node}:{parameter}": value for node in NODES[kind]})
-        for parameter, value in values.items():
-            words += ["-p", f"{parameter}:={value}"]
-    return words
+    nodes = node_parameters(devices, simulation)
+    if simulation:
+        makes = by_kind(devices)
+        nodes["sim_rig"] = {f"devices.{_IN_RIG[kind]}": name for kind, name in makes.items()}
+    return [
+        word
+        for node, values in nodes.items()
+        for parameter, value in values.items()
+        for word in ("-p", f"{node}:{parameter}:={value}")
+    ]
 
 
 def checked_values(values: Sequence[str]) -> list[str]:

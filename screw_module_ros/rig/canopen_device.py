@@ -17,6 +17,7 @@ from screw_module_ros.rig.link import OFF_BUS, Link
 from screw_module_ros.rig.object_dictionary import (
     GENERAL_ERROR,
     INCOMPATIBLE_PARAMETER,
+    INVALID_VALUE,
     ObjectDictionary,
     require,
 )
@@ -62,7 +63,7 @@ class CanopenDevice(SimulatedDevice):
         self.operational = False
         self.errors = ErrorLog(node, self._send_emcy)
         self._boot_at_ns: int | None = 0
-        self._beat_ns = self._next_beat_ns = 0
+        self._beat_ns = self._next_beat_ns = self._sync_length = 0
         self._watched_ns: dict[int, int] = {}  # node id -> longest time between its heartbeats
         self._deadlines_ns: dict[int, int] = {}  # of the watches that are armed
         self._lost: set[int] = set()
@@ -180,7 +181,7 @@ class CanopenDevice(SimulatedDevice):
         if not self.operational:
             return
         self.now_ns = now_ns
-        if data:
+        if len(data) != self._sync_length:
             self.errors.report(SYNC_LENGTH)
             return
         for rpdo in self._rpdos:
@@ -237,6 +238,9 @@ class CanopenDevice(SimulatedDevice):
             unique = all((entry ^ value) >> 16 for entry in others)
             require(unique, INCOMPATIBLE_PARAMETER)
         check_pdo_write(self.node, index, subindex, value)
+        types = self.traits.transmission_types
+        is_type = subindex == 2 and (index in RPDO or index in TPDO)
+        require(not (types and is_type) or value in types, INVALID_VALUE)
         require(not self.refuse_guards or (index, subindex) not in _GUARDS, GENERAL_ERROR)
 
     def own_deadline_ns(self) -> int:
@@ -264,6 +268,7 @@ class CanopenDevice(SimulatedDevice):
         self._on_sync_tpdos = [p for p in self._tpdos if p.valid and p.synchronous]
         self._event_tpdos = [p for p in self._tpdos if p.valid and not p.synchronous]
         self._refresh_heartbeats()
+        self._sync_length = 1 if self.node.optional(0x1019, 0, 0) else 0  # a counter in SYNC
         self.link.listen(self._handlers())
 
     def _handlers(self) -> dict[int, Handler]:

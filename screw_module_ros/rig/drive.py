@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated torque drive (CiA 402): state machine, cyclic synchronous torque, profile torque.
 
-Target 6071 and actual 6077 are per mille of 6076 [mNm]; 6078 is per mille of 6075 [mA]. The drive
-is the robot's last guard: when the master's heartbeat or the RPDO's deadline is missed, it reacts
-as object 6007 requires.
+Target 6071 and actual 6077 are per mille of 6076 [mNm]; 6078 is per mille of 6075 [mA]. In some
+makes both are other objects in a unit of their own, in a torque mode of their own. The drive is the
+robot's last guard: when the master's heartbeat or the RPDO's deadline is missed, it reacts as
+object 6007 requires.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from ctypes import c_int32
 from functools import partial
 from typing import NamedTuple
 
-from screw_module_ros.profiles import ANY_DRIVE, Profile, key_of
+from screw_module_ros.profiles import ALWAYS, ANY_DRIVE, READY, Profile, key_of
 from screw_module_ros.rig import cia402
 from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
 from screw_module_ros.rig.faults import DRIVE
@@ -27,7 +29,6 @@ UNDERVOLTAGE = 0x3220
 
 _ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
 _HALT = 0x0100
-_PER_MILLE = 1e-3
 _STEEPEST = 0x7FFFFFFF
 _LARGEST_I16 = 32767
 _STANDSTILL_COUNTS, _STANDSTILL_POLLS = 2, 10
@@ -75,6 +76,10 @@ class SimulatedDrive(CanopenDevice):
         super().__init__(name, link, settings.node_id, "drive.eds", make)
         declared = make.objects["6502"].value if "6502" in make.objects else None
         self._own_modes = _MODES if declared is None else declared
+        own = self.traits.mode
+        self._torque_modes = (own,) if own else TORQUE_MODES
+        self._gives = not own
+        self._counts = self.traits.parameters.get("rated_command", 1000)
         self.settings = settings
         self.axis = axis
         self.machine = cia402.StateMachine(lambda index: self.node.optional(index, 0, 0))
@@ -110,7 +115,7 @@ class SimulatedDrive(CanopenDevice):
         return c_int32(self.axis.position() + self._shift).value
 
     def torque(self) -> int:
-        """Return object 6077 [per mille of 6076]."""
+        """Return the torque that is given, object 6077 [unit of the command]."""
         per_mille = round(self.axis.torque() * self._per_newton_metre)
         return max(-_LARGEST_I16, min(_LARGEST_I16, per_mille))
 
@@ -136,6 +141,8 @@ class SimulatedDrive(CanopenDevice):
         self.machine.control(self._controlword, not causes, may_switch_on)
         if self.error_code:
             self._check_fault_gone()
+        if self.traits.mode:
+            self._gives = self._chosen()
         if self.refuse_enable and self.machine.state == cia402.ENABLED:
             self.machine.state = cia402.SWITCHED_ON
         self._act(now_ns)
@@ -233,13 +240,14 @@ class SimulatedDrive(CanopenDevice):
                 (0x6040, 0): partial(getattr, self, "_controlword"),
                 (0x6041, 0): self.statusword,
                 (0x6060, 0): partial(getattr, self, "_mode"),
-                (0x6061, 0): lambda: 0 if self.mode_lost else self._mode,
+                (0x6061, 0): self._shown_mode(),
                 (0x6064, 0): self.position,
-                (0x6071, 0): partial(getattr, self, "_target"),
+                key_of(self.traits.command): self._shown_target,
                 (0x6074, 0): lambda: round(self._demand),
                 (0x6076, 0): self._shown_rating,
                 (0x6077, 0): self.torque,
                 (0x6078, 0): self.torque,
+                key_of(self.traits.actual): self.torque,
                 (0x6079, 0): lambda: 0 if self.voltage_lost else 48_000,
                 (0x60B2, 0): partial(getattr, self, "_torque_offset"),
                 (0x60FD, 0): partial(getattr, self, "digital_inputs"),
@@ -249,7 +257,7 @@ class SimulatedDrive(CanopenDevice):
         commands = {0x6040: "_controlword", 0x60B2: "_torque_offset"}
         for index, attribute in commands.items():
             node.sinks[index, 0] = partial(setattr, self, attribute)
-        node.sinks[0x6071, 0] = self._aim
+        node.sinks[key_of(self.traits.command)] = self._aim
         node.sinks[0x6060, 0] = self._set_mode
         node.sinks[0x6076, 0] = self._rate
         for key in ((0x6087, 0), key_of(self.traits.limit_object or "6072")):
@@ -257,28 +265,47 @@ class SimulatedDrive(CanopenDevice):
 
     def _aim(self, target: int) -> None:
         """Take a target that the object's range allows; another one changes nothing."""
+        target >>= 16 if self.traits.upper_half else 0
         if abs(target) <= self.traits.largest_target:
             self._target = target
+
+    def _shown_target(self) -> int:
+        return self._target << (16 if self.traits.upper_half else 0)
+
+    def _shown_mode(self) -> Callable[[], int]:
+        """Return what tells object 6061: in each state, or in some only."""
+        shown = self.traits.mode_shown
+        if shown == ALWAYS:
+            return lambda: 0 if self.mode_lost else self._mode
+        told = range(cia402.READY if shown == READY else cia402.ENABLED, cia402.ENABLED + 1)
+        return lambda: self._mode if self.machine.state in told and not self.mode_lost else 0
 
     def _shown_rating(self) -> int:
         return round(self.settings.rated_torque * 1e6) if self.micro_rating else self._rated
 
     def _rate(self, rated: int) -> None:
         self._rated = rated
-        self._newton_metres = max(1, rated) * self.traits.torque_unit * _PER_MILLE
+        self._newton_metres = max(1, rated) * self.traits.torque_unit * (1.0 / self._counts)
         self._per_newton_metre = 1.0 / self._newton_metres
 
     def _read_limits(self) -> None:
         node, traits = self.node, self.traits
         if traits.limit_object:
-            present, base = (node.value(*key_of(key)) for key in
-                             (traits.limit_object, traits.limit_base))
-            self._limit = min(_LARGEST_I16, round(1000 * present / max(1, base)))
+            present = node.value(*key_of(traits.limit_object))
+            if traits.limit_base:
+                base = node.value(*key_of(traits.limit_base))
+                present = round(1000 * present / max(1, base))
+            elif traits.limit_below:
+                present = traits.limit_below - present
+            self._limit = min(_LARGEST_I16, present)
         else:
-            self._limit = min(_LARGEST_I16, node.optional(0x6072, 0, _LARGEST_I16))
+            per_mille = node.optional(0x6072, 0, _LARGEST_I16)
+            self._limit = min(_LARGEST_I16, per_mille * self._counts // 1000)
         self._slope = node.optional(0x6087, 0, _STEEPEST)
 
     def _supported(self, mode: int) -> bool:
+        if mode < 0:
+            return mode == self.traits.mode
         return mode == 0 or (mode > 0 and bool(self.node.value(0x6502) >> mode - 1 & 1))
 
     def _check_write(self, index: int, _subindex: int, value: int) -> None:
@@ -297,12 +324,18 @@ class SimulatedDrive(CanopenDevice):
     def _wanted(self) -> int:
         if self._mode == PROFILE_TORQUE:
             return 0 if self._controlword & _HALT else self._target
-        return self._target + self._torque_offset if self._mode in TORQUE_MODES else 0
+        return self._target + self._torque_offset if self._mode in self._torque_modes else 0
+
+    def _chosen(self) -> bool:
+        """Return whether bits and source are those with which a maker's own mode gives torque."""
+        source, bits = self.traits.source_object, self.traits.mode_bits
+        chosen = not source or self.node.value(*key_of(source)) == 1
+        return chosen and self._controlword & bits == bits
 
     def _act(self, now_ns: int) -> None:
         """Set the motor according to state, mode and target."""
         machine = self.machine
-        driving = machine.driving and self._mode in TORQUE_MODES
+        driving = machine.driving and self._mode in self._torque_modes and self._gives
         elapsed, self._ramped_ns = now_ns - self._ramped_ns, now_ns
         if driving:
             goal = float(max(-self._limit, min(self._limit, self._wanted())))

@@ -35,10 +35,12 @@ GENERAL_ERROR = 0x08000000
 NO_DATA = 0x08000024
 
 _EDS_FOLDER = Path(__file__).with_name("eds")
+_MAPPINGS = (*range(0x1600, 0x1604), *range(0x1A00, 0x1A04))
 _SDO_LENGTH = 8
 _COMMAND, _DOWNLOAD_OF_ANY_SIZE = 0xE3, 0x22
 
 _UNSIGNED = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
+_SIGNED = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
 
 Key = tuple[int, int]
 Send = Callable[[int, bytes], None]
@@ -72,6 +74,8 @@ class ObjectDictionary(canopen.LocalNode):
         dictionary = canopen.import_od(str(_EDS_FOLDER / eds), node_id)
         for key, trait in traits.items():
             _give(dictionary, *key_of(key), trait, node_id)
+        for index in _MAPPINGS:
+            _unmap_absent(dictionary, index)
         super().__init__(node_id, dictionary)
         self.sdo.send_response = lambda response: send(  # type: ignore[method-assign]  # its hook
             self.sdo.tx_cobid, bytes(response)
@@ -176,6 +180,16 @@ class ObjectDictionary(canopen.LocalNode):
         self._stored = {k: v for k, v in self._stored.items() if k[0] not in indices}
 
 
+def _unmap_absent(dictionary: canopen.ObjectDictionary, index: int) -> None:
+    """Let a mapping that the file gives a device begin empty where its make lacks an object."""
+    mapping: Any = dictionary.indices.get(index)
+    if mapping is None:
+        return
+    entries = [mapping.subindices[n].default for n in range(1, mapping.subindices[0].default + 1)]
+    if any(entry >> 16 not in dictionary.indices for entry in entries):
+        mapping.subindices[0].default = 0
+
+
 def _number(variable: ODVariable, data: bytes) -> int:
     """Return what the bytes of a whole number stand for."""
     value = variable.decode_raw(data)
@@ -200,7 +214,9 @@ def _give(
             entry = ODRecord(f"{index:04X}", index)
             dictionary.add_object(entry)
         variable = ODVariable(f"{index:04X}:{subindex:02X}", index, subindex)
-        variable.data_type, variable.access_type = _UNSIGNED[trait.size], "rw"
+        kinds = _SIGNED if trait.signed else _UNSIGNED
+        variable.data_type, variable.access_type = kinds[trait.size], "rw"
+        variable.pdo_mappable = True
         if entry is dictionary:
             dictionary.add_object(variable)
         else:

@@ -214,7 +214,7 @@ class Bench:
         needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
         chosen = ForceSensorSettings(profile=sensor_profile, **needed)
         self.force_sensor = force_sensors.driver(self.ports["force_sensor"], chosen)
-        drive = drive or DriveSettings()
+        drive = (drive or DriveSettings())._replace(**make.simulated.parameters)
         self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
         shoulder, elbow = (

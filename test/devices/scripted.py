@@ -202,6 +202,10 @@ class ScriptedNode(FarEnd):
         self.operational = False
         self.wire.emit(0x700 + self.node_id, "00")
 
+    def complain(self) -> None:
+        """Send the emergency of an unexpected length of SYNC (CiA 301 table 26)."""
+        self.wire.emit(0x080 + self.node_id, "40 82 11 00 00 00 00 00")
+
     def be_asked(self) -> None:
         """Hear a request of another client, for an object that it may not even have."""
         self.wire.emit(0x600 + self.node_id, "40 61 60 00 00 00 00 00")

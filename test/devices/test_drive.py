@@ -92,7 +92,7 @@ def test_drive_without_a_guard_is_not_enabled(wire, key, how):
 
 def test_no_heartbeat_watch_is_enabled_by_its_own_switch_alone(wire):
     talk = Talk(wire, "new_drive", [f"waived={','.join(WAIVABLE)}"])
-    talk.refuse("1016:01", "06090030")
+    talk.remove("1016:01")
     talk.begin()
     assert "only `allow_no_heartbeat`" in talk.cannot("request_enable")
 

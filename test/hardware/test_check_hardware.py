@@ -9,12 +9,15 @@ import pytest
 
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.devices.encoder import Encoder
-from screw_module_ros.hardware import command, devices, machine
+from screw_module_ros.devices.makes import node_parameters
+from screw_module_ros.hardware import command, devices, exchange, machine
 from screw_module_ros.hardware.command import NODES, settings, values_of
 from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
+from screw_module_ros.rig.canopen_device import PRE_OPERATIONAL
+from screw_module_ros.trials.one_thread import Bench
 
 PERIOD_NS = 1_000_000
 
@@ -100,8 +103,8 @@ def test_another_make_is_named(bench):
     for index, subindex in ((0x1801, 5), (0x1400, 5)):
         dictionary[index].subindices.pop(subindex)
     dictionary[0x1018][1].default = 0xFB
-    (line,) = devices.configured(bench.drive, "amplifier")
-    assert "1801:05" in line.found
+    line = next(f for f in devices.configured(bench.drive, "amplifier") if f.verdict == TO_DO)
+    assert "1400:05" in line.found
     assert "epos4" in line.todo
 
 
@@ -318,3 +321,61 @@ def test_table_reads_like_a_list_of_things_to_do():
     assert table([Finding("a", "b", "", "c\n  d  e")]).splitlines()[1:] == [
         "       -> c", "            d  e",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["drive", "encoder"])
+def test_a_device_that_answers_sync_is_told_and_left_as_it_was(bench, name):
+    device = getattr(bench, name)
+    device.configure()
+    line = exchange.answer_to_sync(device, name, bench.ports[name])
+    assert (line.verdict, line.found) == (OK, f"frame 0x{device.answer_id:X}")
+    bench.clock.sleep_until(bench.now_ns + PERIOD_NS)  # until it has got the last command
+    simulated = bench.rig.devices[name]
+    assert simulated.state == PRE_OPERATIONAL
+    assert device.configured
+    if name == "drive":
+        assert not simulated.machine.driving
+        assert device.counters["writes"] == 0
+
+
+def test_a_device_that_does_not_answer_sync_is_told_with_its_emergency(bench):
+    """Its SYNC has a counter again, by somebody who came after us."""
+    bench.drive.configure()
+    node = bench.rig.devices["drive"].node
+    bench.rig.devices["drive"]._sync_length = 1
+    line = exchange.answer_to_sync(bench.drive, "amplifier", bench.ports["drive"])
+    assert line.verdict == TO_DO
+    assert "none to 3 SYNCs; its emergency: 0x8240" in line.found
+    assert "1005, 1007 and 1019" in line.todo
+    assert node.value(0x6041) & 0x4F == 0x40  # switch on disabled
+
+
+def test_what_an_earlier_master_left_is_told(bench):
+    node = bench.rig.devices["drive"].node
+    node.variable(0x1005, 0).default = 0x81
+    found = devices.configured(bench.drive, "amplifier")
+    line = next(each for each in found if each.what == "amplifier set back")
+    assert (line.verdict, "0x81 in object 1005:00" in line.found) == (OK, True)
+
+
+@pytest.mark.parametrize("make", ["epos2", "ipos", "kinco"])
+def test_a_drive_without_a_rating_is_seen_before_the_first_start(make):
+    bench = Bench(1, drive_profile=make)
+    try:
+        told = " ".join(each.found for each in devices.configured(bench.drive, "amplifier"))
+        assert "does not tell its rated torque" in told
+        bench.drive.settings = bench.drive.settings._replace(rated_command=0)
+        (line,) = devices.configured(bench.drive, "amplifier")
+        assert line.verdict == TO_DO and "set `rated_command`" in line.found
+    finally:
+        bench.close()
+
+
+def test_a_make_that_needs_parameters_in_the_simulation_gets_them_in_each_node():
+    found = node_parameters("epos2,sick_ahm36", simulation=True)
+    assert found["amplifier"] == {"profile": "epos2", "rated_command": 2625}
+    assert found["manus"] == {
+        "profile": "epos2", "shoulder.rated_command": 2625, "elbow.rated_command": 2625
+    }  # fmt: skip
+    assert found["encoder"] == {"profile": "sick_ahm36"}
+    assert node_parameters("epos2", simulation=False)["amplifier"] == {"profile": "epos2"}

@@ -314,3 +314,191 @@ def test_a_net_box_needs_its_counts_per_unit(unready):
     bench.force_sensor.settings = bench.force_sensor.settings._replace(counts_per_force=0.0)
     with pytest.raises(NotConfigured, match="counts_per_force"):
         bench.connect()
+
+
+# What an earlier master left, and what a make does otherwise --------------------------------------
+
+
+@pytest.fixture
+def like(tmp_path):
+    """Return a maker of profiles like the generic drive's, but for the lines given.
+
+    Devices of the simulation differ by `objects` and `simulated`, the driver's part is `drive`.
+    """
+
+    def make(objects="{}", simulated="{}", drive="{}"):
+        file = tmp_path / "mine.yaml"
+        file.write_text(
+            "format: screw_module_ros/device\nversion: 1\nkind: drive\nmake: mine\ntried: nowhere\n"
+            f"sources: []\nobjects: {objects}\nsimulated: {simulated}\ndrive: {drive}\n"
+        )
+        return str(file)
+
+    return make
+
+
+def test_what_an_earlier_master_left_in_a_drive_is_set_back(robot, like):
+    """Another SYNC, a counter in it, a period, emergencies switched off: each would silence it."""
+    make = like("{'1005': {value: 0x81}, '1019': {size: 1, value: 10}, '1014': {value: 0x80000085},"
+                " '1006': {size: 4, value: 20000}, '1007': {size: 4, value: 100}}")  # fmt: skip
+    bench = robot(drive=make)
+    node = bench.rig.devices["drive"].node
+    assert [node.value(index) for index in (0x1005, 0x1006, 0x1007, 0x1014, 0x1019)] == [
+        0x80, 1000, 0, 0x81, 0
+    ]  # fmt: skip
+    assert len(bench.drive.set_back) == 5
+    assert moved(bench) > 0.04
+
+
+def test_a_drive_that_keeps_another_sync_is_told_by_its_object(unready, like):
+    bench = unready(drive=like("{'1005': {value: 0x81, read_only: true}}"))
+    with pytest.raises(NotConfigured, match="0x81 in object 1005.*would not answer our SYNC"):
+        bench.connect()
+
+
+@pytest.mark.parametrize(
+    ("objects", "simulated", "kind", "told"),
+    [
+        ("{}", "{transmission_types: [1, 253, 255]}", 255, 0),
+        ("{'1801:05': {absent: true}}", "{transmission_types: [1, 253, 255]}", 1, 1),
+        ("{'1801:05': {absent: true}}", "{}", 100, 0),
+        ("{'603F': {absent: true}}", "{}", 255, 1),
+        ("{'603F': {mappable: false}, '6061': {mappable: false}, '60FD': {absent: true}}", "{}",
+         None, 1),
+    ],
+    ids=["types of the standard", "each SYNC", "no timer", "no error code", "nothing"],
+)  # fmt: skip
+def test_a_slow_status_is_best_effort(robot, like, objects, simulated, kind, told):
+    bench = robot(drive=like(objects, simulated))
+    node = bench.rig.devices["drive"].node
+    assert bool(node.value(0x1801, 1) >> 31) == (kind is None)
+    assert kind in (None, node.value(0x1801, 2))
+    assert len([each for each in bench.drive.warnings if "TPDO2" in each]) == told
+    assert moved(bench) > 0.04
+    bench.rig.inject("drive", "mode_lost", 0.0, 1.0, bench.now_ns)
+    bench.seconds(0.55)
+    assert "is not in torque mode 10" in bench.axis.permit.reason
+
+
+def test_a_slow_status_of_nothing_is_asked_for(robot, like):
+    """Without a timer in TPDO2 this was an IndexError."""
+    bench = robot(drive=like("{'1801:05': {absent: true}}", drive="{slow_status: []}"))
+    assert moved(bench) > 0.04
+    assert not any("TPDO2" in each for each in bench.drive.warnings)
+
+
+def test_the_load_of_a_bus_counts_a_slow_status_at_each_sync(ready, like):
+    """Seven bytes at 1 kHz in place of ten times a second."""
+    found = ready(drive=like("{'1801:05': {absent: true}}", "{transmission_types: [1, 255]}"))
+    (slow,) = [each for each in found.drive.traffic if "TPDO2" in each.name]
+    assert (slow.data_bytes, slow.rate) == (7, pytest.approx(1000.0))
+
+
+@pytest.mark.parametrize("state", [profiles.READY, profiles.ENABLED])
+def test_a_drive_that_shows_its_mode_late_gives_no_torque_before(ready, like, state):
+    bench = ready(drive=like("{}", f"{{mode_shown: {state}}}", f"{{mode_shown: {state}}}"))
+    motor = bench.rig.devices["drive"]
+    bench.controller.mode, bench.setpoint = 1, (bench.home + 0.05, 0.0)
+    before = len(bench.rows)
+    assert bench.enable() == ""
+    bench.seconds(0.5)
+    assert bench.drive.mode_confirmed and bench.torque_passes
+    assert max(abs(row.torque) for row in bench.rows[before:]) > 0.01
+    assert motor.machine.driving
+
+
+def test_a_drive_that_shows_its_mode_late_is_not_configured_as_any_other(unready, like):
+    bench = unready(drive=like("{}", "{mode_shown: enabled}"))
+    with pytest.raises(NotConfigured, match=r"6061 shows 0; .*`mode_shown` of its profile"):
+        bench.connect()
+
+
+@pytest.mark.parametrize("state", [profiles.READY, profiles.ENABLED])
+def test_a_drive_that_comes_up_in_another_mode_gives_no_torque(ready, like, state):
+    """It is enabled, and 6061 shows no torque mode: nothing passes, and it is latched."""
+    bench = ready(drive=like("{}", f"{{mode_shown: {state}}}", f"{{mode_shown: {state}}}"))
+    bench.rig.inject("drive", "mode_lost", 0.0, 0.0, bench.now_ns)
+    bench.seconds(0.5)
+    bench.controller.mode, bench.setpoint = 1, (bench.home + 0.05, 0.0)
+    before = len(bench.rows)
+    assert bench.enable()
+    bench.seconds(1.2)
+    assert all(row.torque == 0.0 for row in bench.rows[before:])
+    assert not bench.rig.devices["drive"].machine.driving
+
+
+CURRENT_DRIVES = ("epos2", "ipos", "kinco")
+#: Where each keeps the command at its limit of 1.6 Nm, and what it is then.
+LIMITS = {"epos2": ((0x6410, 2), 10_000), "ipos": ((0x207F, 0), 32_767 - 16_381)}
+
+
+@pytest.fixture
+def pushed(robot):
+    """Return a function: what the motor of a make gives, and what it reports, on one way [Nm]."""
+
+    def push(name):
+        bench = robot(drive=name)
+        bench.controller.mode, bench.setpoint = 1, (bench.home + 0.05, 0.0)
+        bench.seconds(0.3)
+        return bench.rig.devices["drive"].axis.torque(), bench.drive.reading.torque
+
+    return push
+
+
+@pytest.mark.parametrize("name", CURRENT_DRIVES)
+def test_a_drive_that_is_commanded_by_a_current_gives_the_torque_of_any_other(pushed, name):
+    given, reported = pushed(name)
+    wanted, _ = pushed(profiles.GENERIC_402)
+    count = 0.42 / MAKES[name].simulated.parameters["rated_command"]
+    assert wanted > 0.01
+    assert given == pytest.approx(wanted, abs=2 * count, rel=0.05)
+    assert reported == pytest.approx(given, abs=2 * count, rel=0.05)
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_the_current_limit_of_such_a_drive_is_written_and_read_back(ready, name):
+    bench = ready(drive=name)
+    (index, subindex), value = LIMITS[name]
+    assert bench.rig.devices["drive"].node.value(index, subindex) == value
+    assert bench.drive.unguarded == ()
+
+
+@pytest.mark.parametrize("name", CURRENT_DRIVES)
+def test_a_drive_without_a_rating_needs_the_parameter(unready, name):
+    bench = unready(drive=name)
+    bench.drive.settings = bench.drive.settings._replace(rated_command=0)
+    with pytest.raises(NotConfigured, match="set `rated_command` to what its command is at"):
+        bench.connect()
+
+
+@pytest.mark.parametrize("name", CURRENT_DRIVES)
+def test_a_rating_that_nobody_checks_is_told(ready, name):
+    told = " ".join(ready(drive=name).drive.warnings)
+    assert "does not tell its rated torque: 0.42 Nm is the parameter's word alone" in told
+
+
+def test_a_drive_without_a_rating_and_without_a_profile_gets_one_plain_sentence(unready, like):
+    bench = unready(drive=like("{'6076': {absent: true}}"))
+    with pytest.raises(NotConfigured) as refused:
+        bench.connect()
+    assert str(refused.value).count("6076") == 1
+    assert "only a `profile` of its make can say it (`rating`, `rated_" in str(refused.value)
+
+
+def test_per_mille_of_a_rating_that_the_drive_does_not_tell(robot, like):
+    """Nanotec PD4-E and Kollmorgen AKD: 6071 in per mille, no 6076."""
+    bench = robot(drive=like("{'6076': {absent: true}}", drive="{rating: ''}"))
+    assert moved(bench) > 0.04
+
+
+@pytest.mark.parametrize(
+    ("drive", "wrong"),
+    [
+        ("{modes: [1]}", "1 is no torque mode"),
+        ("{mode_bits: 0x81}", "bits 0 to 3 and 7 belong to the state machine"),
+        ("{command: '2030'}", "only 6071 is per mille of object 6076"),
+    ],
+)
+def test_what_does_not_fit_together_in_a_profile_is_told(like, drive, wrong):
+    with pytest.raises(SettingError, match=wrong):
+        profiles.load(like(drive=drive))

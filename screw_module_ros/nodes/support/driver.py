@@ -77,6 +77,8 @@ class DriverNode(Node):
                 with suppress(DeviceError):
                     self.get_logger().error(device.likely_makes())
             raise
+        for told in device.set_back if isinstance(device, CanopenDevice) else ():
+            self.get_logger().warning(told)
 
     def check_bus_load(self, traffic: list) -> None:
         """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/load.py`)."""
