@@ -113,6 +113,20 @@ def limit_speed(
     return force - sign * damping * excess
 
 
+def braking_speed(
+    braking: float, reaction: float, position: float, velocity: float, low: float, high: float
+) -> float:
+    """Return the speed [m/s] from which a deceleration comes to rest at an end.
+
+    braking: a [m/s^2]; reaction: T [s], in which the force turns round; low, high: the ends [m], of
+    which the one ahead counts; way left to it d = v T + v^2 / (2 a), none beyond it. On the way
+    back from an end it is the far one that is ahead.
+    """
+    left = max(0.0, high - position if velocity > 0.0 else position - low)
+    lost = braking * reaction
+    return max(0.0, math.sqrt(lost * lost + 2.0 * braking * left) - lost)
+
+
 def soft_stop(
     force: float, position: float, low: float, high: float, zone: float, stiffness: float
 ) -> float:

@@ -104,6 +104,15 @@ class Slot(NamedTuple):
         return self
 
 
+class Reach(NamedTuple):
+    """Where slots may start and lead, from low to high on both axes [m]; one axis is x alone."""
+
+    low_x: float
+    high_x: float
+    low_y: float = 0.0
+    high_y: float = 0.0
+
+
 class SlotInput(NamedTuple):
     """Inputs of one step.
 
@@ -184,6 +193,16 @@ def in_space(
     return (
         Slot(start[0], start[1], target[0], target[1], *rest),
         Slot(start[2], 0.0, target[2], 0.0, *rest),
+    )
+
+
+def kept_within(slot: Slot, reach: Reach) -> Slot:
+    """Return the slot with start and target moved to the nearest place within reach."""
+    return slot._replace(
+        start_x=clamp(slot.start_x, reach.low_x, reach.high_x),
+        start_y=clamp(slot.start_y, reach.low_y, reach.high_y),
+        target_x=clamp(slot.target_x, reach.low_x, reach.high_x),
+        target_y=clamp(slot.target_y, reach.low_y, reach.high_y),
     )
 
 

@@ -33,6 +33,7 @@ from .limits import (
     LONGEST_STEP,
     STOPPED,
     STRONGEST,
+    braking_speed,
     clamp,
     is_real,
     limit_speed,
@@ -337,16 +338,25 @@ def _opposed(p: VerticalSettings, s: VerticalState, handle: float) -> float:
 def _limited(
     p: VerticalSettings, weight: float, inp: VerticalInput, force: float, pressed: float
 ) -> float:
-    """Return the force [N] after speed limit, force limits and soft stops.
+    """Return the force [N] after speed limits, force limits and soft stops.
 
-    weight: fades the limits' own forces, so that the force in OFF is zero; pressed: what spring and
-    dampers press on the hand [N]: with it, a soft stop keeps to the endpoint's limits.
+    The speed limit near an end leaves the way and the time in which the force turns round, so that
+    the hand is at rest before the soft stop. weight: fades the limits' own forces, so that the
+    force in OFF is zero; pressed: what spring and dampers press on the hand [N]: with it, the
+    limits' own forces keep to the endpoint's limits. Once a tick: `min` and `max` cost less there
+    than `clamp`.
     """
-    damping = p.speed_damping * weight
-    force = limit_speed(force, inp.velocity, p.speed_limit, p.speed_band, damping)
-    force = clamp(force, -p.command_down, p.command_up)
-    stop = (p.travel_low, p.travel_high, p.soft_stop_zone)
+    velocity, band, zone = inp.velocity, p.speed_band, p.soft_stop_zone
+    reaction = (p.command_up + p.command_down) / p.force_rate
+    near_end = braking_speed(
+        p.edge_braking, reaction, inp.position, velocity, p.travel_low + zone, p.travel_high - zone
+    )
+    stop = (p.travel_low, p.travel_high, zone)
+    force = limit_speed(force, velocity, min(p.speed_limit, near_end), band, 0.0)
+    force = min(max(force, -p.command_down), p.command_up)
     force = soft_stop(force, inp.position, *stop, 0.0)
-    inward = soft_stop(0.0, inp.position, *stop, p.soft_stop_stiffness * weight)
-    force += clamp(inward, -p.force_down - pressed, p.force_up - pressed)
-    return clamp(force, -p.command_down, p.command_up)
+    own = limit_speed(0.0, velocity, p.speed_limit, band, p.speed_damping * weight)
+    own = limit_speed(own, velocity, near_end, band, p.edge_damping * weight)
+    own = soft_stop(own, inp.position, *stop, p.soft_stop_stiffness * weight)
+    force += min(max(own, -p.force_down - pressed), p.force_up - pressed)
+    return min(max(force, -p.command_down), p.command_up)

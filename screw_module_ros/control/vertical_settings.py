@@ -150,6 +150,14 @@ class VerticalSettings(NamedTuple):
     speed_damping: Annotated[
         float, Setting("damper on the speed above the limit", "Ns/m", 0.0, 200.0)
     ] = 50.0  # ours
+    edge_braking: Annotated[
+        float,
+        Setting("deceleration with which a hand must still come to rest before a soft stop: the "
+                "speed limit falls with the way left", "m/s^2", 0.5, 1000.0),
+    ] = 3.0  # ours
+    edge_damping: Annotated[
+        float, Setting("damper on the speed above this limit", "Ns/m", 0.0, 500.0)
+    ] = 200.0  # ours
     setpoint_speed: Annotated[
         float, Setting("fastest motion of the set point", "m/s", 0.01, 2.0)
     ] = 0.4  # ours

@@ -8,7 +8,7 @@ import math
 from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
 from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force
-from ..control.slot import SlotLimits
+from ..control.slot import Reach, SlotLimits
 from ..control.vertical import (
     VerticalInput,
     VerticalOutput,
@@ -61,7 +61,7 @@ class VerticalController:
         self.reason = ""
         self.handle_force = 0.0
         self.wanted = SetpointInput(axes=1)
-        self.guide = Guide(slot_limits)
+        self.guide = Guide(slot_limits, Reach(settings.travel_low, settings.travel_high))
         self.lease = Lease()
         self._excited = Excited()
         self.answered: EncoderReading | None = None

@@ -12,7 +12,16 @@ import math
 from typing import NamedTuple
 
 from ..control.excitation import NOTHING, Excitation
-from ..control.slot import OPEN, Slot, SlotInput, SlotLimits, initial_state, slot_step
+from ..control.slot import (
+    OPEN,
+    Reach,
+    Slot,
+    SlotInput,
+    SlotLimits,
+    initial_state,
+    kept_within,
+    slot_step,
+)
 from ..safety.latch import Age
 
 MOVING_NS = 200_000_000
@@ -59,11 +68,12 @@ NO_GUIDANCE = Guidance(0.0, 0.0, 0.0)
 class Guide:
     """The slot of one group of axes; the loop's thread also calls `ask`.
 
-    limits: may be replaced at any time.
+    limits: may be replaced at any time. reach: within which every slot is kept, as set points are.
     """
 
-    def __init__(self, limits: SlotLimits):
+    def __init__(self, limits: SlotLimits, reach: Reach):
         self.limits = limits
+        self.reach = reach
         self._state = initial_state()
         self._slot: Slot | None = None
         self._start_ns = 0
@@ -76,7 +86,7 @@ class Guide:
         """
         self._slot = None
         if slot is not None:
-            self._slot, self._start_ns = slot.validated(), start_ns
+            self._slot, self._start_ns = kept_within(slot.validated(), self.reach), start_ns
             self._asked.note(now_ns)
 
     @property

@@ -21,7 +21,7 @@ from ..clock import Clock
 from ..control.limits import COLD, TorqueLimits, largest_torque
 from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_step
 from ..control.planar_settings import PlanarSettings
-from ..control.slot import SlotLimits
+from ..control.slot import Reach, SlotLimits
 from ..devices import drive_group
 from ..devices.doubt import HOMING, Doubt
 from ..devices.drive import Drive
@@ -187,7 +187,8 @@ class Plane:
         shoulder, elbow = (Joint(joints, drive.settings, freeze, period_ns) for drive in drives)
         self.joints = shoulder, elbow
         self.motions = self.joints[0].motion, self.joints[1].motion
-        self.guide = Guide(slot_limits)
+        wide, deep = settings.half_width, settings.half_depth
+        self.guide = Guide(slot_limits, Reach(-wide, wide, -deep, deep))
         self._drives, self._port, self._clock = drives, port, port.clock
         self._joint_settings, self._limits = joints, limits or PlaneLimits()
         self._wires = wires or PlaneWires()
@@ -222,7 +223,7 @@ class Plane:
 
         Nobody listened before it.
         """
-        self.guide = Guide(self.guide.limits)
+        self.guide = Guide(self.guide.limits, self.guide.reach)
         self.wanted = SetpointInput(axes=2)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)

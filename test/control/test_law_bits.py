@@ -55,13 +55,13 @@ VERTICAL_LAW = VerticalSettings(damping=10.0, observer_inertia=0.7)
 ANY_MODE = -2  # a run through all modes
 LIBRARY = "3a929bd8f178edc3"
 VERTICAL = {
-    ANY_MODE: "bbf110d1083c3aae",
+    ANY_MODE: "41a788978d825eb8",
     0: "5aa27b4c3773e8b4",
-    1: "86b7b22dfdc540cb",
-    2: "ca8d7e9521950df5",
-    3: "ad3f765ee696057e",
+    1: "a1c6228ec17df6fa",
+    2: "e91be07f5b7fd434",
+    3: "b2b4ca486111f87f",
     4: "39fa06f38970bcaa",
-    5: "038c81e99176cdad",
+    5: "fe7c27ce448db209",
 }
 PLANE = {
     0.0: "c922181172027b9d",

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from screw_module_ros.control.limits import (
     TorqueLimits,
+    braking_speed,
     clamp,
     is_real,
     limit_speed,
@@ -89,6 +90,16 @@ def test_soft_stop_and_speed_limit_are_continuous(force, position, velocity):
     assert abs(near - there) <= (100.0 / 0.01 + 2000.0) * step + 1e-9
     there, near = (limit_speed(force, v, **SPEED) for v in (velocity, velocity + step))
     assert abs(near - there) <= (100.0 / 0.2 + 50.0) * step + 1e-9
+
+
+@given(st.floats(0.5, 100.0), st.floats(0.0, 0.2), st.floats(-0.1, 0.46), st.floats(-2.0, 2.0))
+def test_a_hand_of_the_braking_speed_comes_to_rest_at_an_end(braking, reaction, position, velocity):
+    """It goes on for the reaction time, then slows down evenly; beyond an end it may not go on."""
+    found = braking_speed(braking, reaction, position, velocity, 0.0, 0.36)
+    left = 0.36 - position if velocity > 0.0 else position
+    assert found >= 0.0
+    way = found * reaction + found * found / (2.0 * braking)
+    assert way == pytest.approx(max(0.0, left), abs=1e-9)
 
 
 def held(torque, seconds, heat=0.0):

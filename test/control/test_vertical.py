@@ -178,6 +178,48 @@ def test_outward_force_ends_at_the_ends_of_travel(position, target, way):
     assert way * output.force >= 2000.0 * 0.01
 
 
+@pytest.mark.parametrize(("end", "way", "strongest"), [(0.36, 1.0, -45.0), (0.0, -1.0, 65.0)])
+def test_towards_an_end_the_speed_limit_falls_with_the_way_left(end, way, strongest):
+    """Way left: d = v T + v^2 / (2 a), T the time in which the force turns round, 85 ms."""
+    law = SETTINGS._replace(stiffness=0.0, gravity=0.0)
+    lost = law.edge_braking * (law.command_up + law.command_down) / law.force_rate
+    allowed = math.sqrt(lost * lost + 2.0 * law.edge_braking * 0.05) - lost
+    inp = FREE._replace(position=end - way * (law.soft_stop_zone + 0.05))
+    for speed, braked in (
+        (0.99 * allowed, 0.0),
+        (allowed + 0.1, -0.1 * way * law.edge_damping),
+        (allowed + 0.7, strongest),  # the endpoint's limit
+        (-0.99 * law.speed_limit, 0.0),  # the way back
+    ):
+        output, _ = run(inp._replace(velocity=way * speed), law=law)
+        assert output.force == pytest.approx(braked, abs=1e-9), speed
+
+
+@pytest.mark.parametrize(("end", "way"), [(0.36, 1.0), (0.0, -1.0)])
+def test_towards_an_end_the_driving_force_fades(end, way):
+    law = SETTINGS._replace(stiffness=0.0, gravity=0.0, edge_damping=0.0)
+    inp = FREE._replace(position=end - way * law.soft_stop_zone, slot_force=40.0 * way,
+                        slot_weight=1.0)  # fmt: skip
+    for speed, left in ((0.0, 1.0), (0.5 * law.speed_band, 0.5), (law.speed_band, 0.0)):
+        output, _ = run(inp._replace(velocity=way * speed), law=law)
+        assert output.force == pytest.approx(40.0 * way * left, abs=1e-9)
+
+
+@pytest.mark.parametrize("mode", modes.MODE_NAMES)
+@pytest.mark.parametrize(("size", "same"), [(0.08, True), (0.16, False)])
+def test_inside_the_travel_the_braking_of_the_ends_changes_no_bit(mode, size, same):
+    """A hand that stays 0.1 m away from both ends; one that comes near them is braked."""
+    free = SETTINGS._replace(edge_braking=1000.0, edge_damping=0.0)
+    phases = [5.0 * k * DT for k in range(4000)]
+    inputs = [
+        VerticalInput(mode, 0.18 + size * math.sin(phase), 5.0 * size * math.cos(phase),
+                      15.0 * math.sin(1.4 * phase), 0.2, 0.0, True)
+        for phase in phases
+    ]  # fmt: skip
+    is_same = vertical_outputs(inputs, SETTINGS) == vertical_outputs(inputs, free)
+    assert is_same == (same or mode == modes.OFF)
+
+
 @pytest.mark.parametrize(
     ("position", "target", "largest"), [(0.36, 0.0, -45.0), (0.0, 0.36, 65.0), (0.355, 0.3, -45.0)]
 )

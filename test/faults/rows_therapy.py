@@ -21,6 +21,7 @@ from screw_module_msgs.srv import StartTherapy
 from std_msgs.msg import Empty
 
 from screw_module_ros import graph
+from screw_module_ros.control.modes import FORCE_FEEDBACK
 
 GROUP = "therapy"
 _RENEW_S = 0.05
@@ -29,6 +30,8 @@ _SESSION, _BRIDGE = "therapy_session", "web_bridge"
 _PAGE, _STATES = "page", "states"
 _WITHIN = 60
 """Samples: a slot may throw the hand and so trip the limits of speed or position jump."""
+_SOFT_STOP = 0.345  # [m] height: just before the upper soft stop
+_FELT = 110.0  # [N] on a hand that a slot takes to an end of travel, its arm's spring included
 _ANSWER_S = 20.0  # wall clock
 _SILENCE_S = 2.0  # of a page; then the session pauses
 _START = {"protocol": "reach_3d", "patient": "P-22222", "record": False}
@@ -41,6 +44,19 @@ _SLOT = {
 
 def _slot(count: int = 0, period: float = _RENEW_S, **fields: Any) -> Act:
     return published(TherapySlot, graph.THERAPY_SLOT, count, period, **{**_SLOT, **fields})
+
+
+def _led_beyond(robot) -> float:
+    """Lead the hand beyond the top of the travel; check how hard it gets there."""
+    begin = robot.time
+    _slot(planar=False, start_ns=1, duration=0.1, target__z=0.9, back_stiffness=2000.0)(robot)
+    robot.wait_until(
+        lambda: robot.record.now.height > _SOFT_STOP, 3.0, "the slot does not lead the hand there"
+    )
+    robot.pause(0.5)
+    felt = [abs(m.force[2]) for m in robot.record.since(begin) if m.height > _SOFT_STOP]
+    assert max(felt) <= _FELT, f"{max(felt):.0f} N on the hand"
+    return begin
 
 
 def _session(robot) -> None:
@@ -173,6 +189,9 @@ ROWS = [
               back_stiffness=2000.0, side_stiffness=2000.0, growth=500.0), None, STOPPED,
         "controller and manus: the force is limited to 45 N, and fades in", _WITHIN, _WITHIN,
         outcome=EITHER, watch=0.8),
+    _goes_on("slot-beyond-travel", fault="a stiff slot that leads 0.5 m beyond the travel within "
+             "0.1 s", act=_led_beyond, mode=FORCE_FEEDBACK,
+             who="controller: keeps it within the travel, and brakes the hand before its end"),
     _goes_on("slot-storm", fault="another slot 500 times a second, to and fro",
              act=_slot(0, 0.002, target__x=lambda robot: next(_sides)),
              who="controller and manus: one slot fades out before the next one comes"),

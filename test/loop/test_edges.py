@@ -10,7 +10,7 @@ from loop_parts import MS, open_axis
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.slot import Slot, SlotLimits
+from screw_module_ros.control.slot import Reach, Slot, SlotLimits
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.controller import NO_FORCE
@@ -20,6 +20,7 @@ from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
 
 LAW = PlanarSettings()
+REACH = Reach(-1.0, 1.0, -1.0, 1.0)
 
 
 # -- joints ----------------------------------------------------------------------------------------
@@ -158,7 +159,7 @@ def test_without_samples_every_part_of_the_command_is_zero(enabled):
 
 
 def test_a_slot_expires_after_three_tenths_of_a_second():
-    guide = Guide(SlotLimits(fade_time=0.2))
+    guide = Guide(SlotLimits(fade_time=0.2), REACH)
     guide.ask(Slot(target_y=0.14), 0, MS)
     place = 0.03, 0.0, 0.0, 0.0
     weights = [guide.guidance(*place, MS + k * 100_000_000, 0.02).weight for k in (0, 1, 2, 3)]

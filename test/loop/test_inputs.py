@@ -11,17 +11,18 @@ from law_runs import PLANAR, UNKNOWN, VERTICAL, planar_outputs, plane_at, vertic
 
 from screw_module_ros.control import vertical
 from screw_module_ros.control.modes import IMPEDANCE, OFF
-from screw_module_ros.control.slot import Slot, SlotLimits
+from screw_module_ros.control.slot import Reach, Slot, SlotLimits
 from screw_module_ros.loop.inputs import Guide, SetpointInput
 
 LINE = Slot(target_y=0.14)
+REACH = Reach(-1.0, 1.0, -1.0, 1.0)
 MS = 1_000_000
 DT = 0.002
 
 
 @pytest.fixture
 def guide():
-    return Guide(SlotLimits())
+    return Guide(SlotLimits(), REACH)
 
 
 @pytest.mark.parametrize("every", [1, 20])
@@ -49,6 +50,26 @@ def test_no_slot_ends_the_one_there_is(guide):
     guide.ask(LINE, 0, MS)
     guide.ask(None, 0, MS)
     assert guide.free
+
+
+def test_a_slot_is_kept_within_reach():
+    """Beyond the end its back wall would push the hand with all of its 45 N."""
+    guide = Guide(SlotLimits(), Reach(0.0, 0.36))
+    beyond = Slot(start_x=0.25, target_x=0.6, duration=0.1, back_stiffness=800.0, growth=0.0)
+    for step in range(1, 500):
+        guide.ask(beyond, 1, 2 * MS * step)
+        found = guide.guidance(0.35, 0.0, 0.0, 0.0, 2 * MS * step, DT)
+    assert found.weight == 1.0
+    assert found.force_x == pytest.approx(800.0 * 0.01)
+
+
+def test_slots_have_the_reach_of_set_points(enabled):
+    law, plane = enabled.controller.settings, enabled.plane.settings
+    wide, deep = plane.half_width, plane.half_depth
+    for _ in range(2):
+        assert enabled.controller.guide.reach == Reach(law.travel_low, law.travel_high)
+        assert enabled.plane.guide.reach == Reach(-wide, wide, -deep, deep)
+        enabled.plane.restart()
 
 
 def slotted(inp, force_x, force_y, weight):
