@@ -33,8 +33,8 @@ COMMAND_DEADLINE, LOST_CONNECTION = "command_deadline", "lost_connection"
 QUICK_STOP_REACTION, FAULT_REACTION = "quick_stop_reaction", "fault_reaction"
 TORQUE_LIMIT = "torque_limit"
 GUARDS = {
-    DRIVE_HEARTBEAT: "its own heartbeat 1017",
-    MASTER_HEARTBEAT: "watching our heartbeat 1016",
+    DRIVE_HEARTBEAT: "heartbeat of its own 1017",
+    MASTER_HEARTBEAT: "watch over our heartbeat 1016",
     COMMAND_DEADLINE: "command deadline 1400:05",
     LOST_CONNECTION: "fault on lost connection 6007",
     QUICK_STOP_REACTION: "quick stop reaction 605A",

@@ -81,7 +81,10 @@ def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
     """Open the bus described by `settings` and return its `Port`; raises as `open_bus`."""
     # SocketCAN marks what was sent on this computer, by any program; our own frames it keeps back.
     echoes = settings.interface != "socketcan"
-    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock, echoes)
+    return Port(
+        open_bus(settings, clock), settings.sync_producer, where(settings), clock, echoes,
+        lambda: open_bus(settings, clock),
+    )  # fmt: skip
 
 
 def where(settings: BusSettings) -> str:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import can
 
@@ -35,8 +37,10 @@ class Port:
     bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC is
     an error. echoes: frames that are not marked as received are our own; on SocketCAN they are
     those of other programs of this computer. name: of the bus in messages. clock: of arrival stamps
-    and waits. counters: frames since it was opened, by kind: sent, received, echoes, unclaimed,
-    ignored, error_frames, send_errors, receive_errors, foreign_sync.
+    and waits. open_anew(): opens the bus once more, for `restore`. failed: the bus has refused a
+    frame or could not be read, and has taken none since. counters: frames since it was first
+    opened, by kind: sent, received, echoes, unclaimed, ignored, error_frames, send_errors,
+    receive_errors, foreign_sync.
     """
 
     def __init__(
@@ -46,13 +50,16 @@ class Port:
         name: str = "",
         clock: Clock | None = None,
         echoes: bool = True,
+        open_anew: Callable[[], can.BusABC] | None = None,
     ):
         self.bus = bus
         self.sync_producer = sync_producer
         self.name = name or str(bus.channel_info)
         self.clock = clock or WallClock()
-        self._frames = frames_of(bus)
-        self._arrivals = self.clock.arrivals(self._frames)
+        self._frames: Any = frames_of(bus)
+        self._arrivals: Any = self.clock.arrivals(self._frames)
+        self._open_anew = open_anew
+        self.failed = False
         self.counters: Counter[str] = Counter()
         self.bus_off = False
         self._echoes = echoes
@@ -74,10 +81,12 @@ class Port:
                 self._frames.send_frame(can_id, data)
         except (can.CanError, OSError) as error:
             self.counters["send_errors"] += 1
+            self.failed = True
             raise BusError(
-                f"cannot send on {self.name}: {error.__cause__ or error}; check cable, termination "
-                "and bit rate"
+                f"cannot send on {self.name}: {error.__cause__ or error}; check adapter, cable, "
+                "termination and bit rate"
             ) from error
+        self.failed = False
         self._arrivals.sent()
         self.counters["sent"] += 1
 
@@ -126,9 +135,10 @@ class Port:
                 frame = receive(0 if handled else until_ns)
             except (can.CanError, OSError) as error:
                 self.counters["receive_errors"] += 1
+                self.failed = True
                 raise BusError(
-                    f"cannot receive on {self.name}: {error.__cause__ or error}; check cable and "
-                    "driver"
+                    f"cannot receive on {self.name}: {error.__cause__ or error}; check adapter, "
+                    "cable and driver"
                 ) from error
             if frame is None:
                 break
@@ -213,7 +223,41 @@ class Port:
             return SYNC_ID
         return found[0] if found else None
 
+    def restore(self) -> None:
+        """Open the bus anew if it has failed: what was opened stays dead when an adapter was away.
+
+        Raises BusError while it cannot be opened; the next call tries again.
+        """
+        if not self.failed or self._open_anew is None:
+            return
+        with self._reading, self._sending:
+            self._arrivals.close()
+            with suppress(can.CanError, OSError):  # many an adapter can be opened only once
+                self.bus.shutdown()
+            self._frames = self._arrivals = _NoBus()
+        bus = self._open_anew()
+        with self._reading, self._sending:
+            self.bus, self._frames = bus, frames_of(bus)
+            self._arrivals = self.clock.arrivals(self._frames)
+            self.failed = self.bus_off = False
+
     def close(self) -> None:
         """Close the bus."""
         self._arrivals.close()
         self.bus.shutdown()
+
+
+class _NoBus:
+    """In place of a bus that has failed and cannot be opened anew: its frames and arrivals."""
+
+    def send_frame(self, _can_id: int, _data: bytes) -> None:
+        raise can.CanOperationError("it has failed and is not open")
+
+    def receive(self, _until_ns: int) -> Frame | None:
+        raise can.CanOperationError("it has failed and is not open")
+
+    def expects(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to close."""

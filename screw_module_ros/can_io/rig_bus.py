@@ -26,12 +26,15 @@ from .frames import ERROR, EXTENDED, EXTENDED_ID, REMOTE, STANDARD_ID, Frame, wo
 
 WELCOME = b"\0"
 """The first packet to a new member: from now on it gets every frame."""
+UNPLUGGED = b"\1"
+"""The last packet to a member whose adapter is pulled: it is dead, also when that is back."""
 _WELCOME_S = 1.0  # wall clock; a rig that holds simulated time looks for new members each 50 ms
 # Identifier and flags, length, padding that carries whether simulated time waits for it, data.
 _FRAME = struct.Struct("=IBB2x8s")
 PACKET_BYTES = _FRAME.size + 1  # one more: longer packets are no frames
 _ON_THE_WIRE = EXTENDED | REMOTE | ERROR | EXTENDED_ID
 _ENDED = "sim_rig has ended"
+_AWAY = "Network is down: the simulated adapter was unplugged"
 _CHANNEL = re.compile(r"(\w+/)*\w+", re.ASCII)
 
 
@@ -120,12 +123,14 @@ class SimulatedBus(can.BusABC):
 class RigBus(SimulatedBus):
     """A member of a simulated bus; it joins again when the rig has ended and is back.
 
+    One whose adapter was unplugged does not: like a socket of SocketCAN, it has to be opened anew.
     Nothing blocks: like an adapter, it refuses a frame when its buffer is full. Raises
     CanInitializationError when no rig serves the bus.
     """
 
     def __init__(self, channel: str, **kwargs: Any):
         self._link: socket.socket | None = None
+        self._told = _ENDED
         try:
             self._path = address(channel)
             link = self._join()
@@ -140,7 +145,7 @@ class RigBus(SimulatedBus):
     def _send_packet(self, packet: bytes) -> None:
         link = self._link
         if link is None:
-            raise can.CanOperationError(_ENDED)
+            raise can.CanOperationError(self._told)
         try:
             link.send(packet, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -167,12 +172,16 @@ class RigBus(SimulatedBus):
             packet = link.recv(PACKET_BYTES, socket.MSG_DONTWAIT)
         except ConnectionError:
             packet = b""
+        if packet == UNPLUGGED:
+            self._told, packet = _AWAY, b""
         if not packet:
             self._leave()
-            raise ConnectionResetError(_ENDED)
+            raise ConnectionResetError(self._told)
         return packet
 
     def _join(self) -> socket.socket:
+        if self._told == _AWAY:
+            raise ConnectionResetError(_AWAY)
         link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             link.setblocking(False)

@@ -7,7 +7,9 @@ import select
 import socket
 from contextlib import suppress
 
-from .rig_bus import PACKET_BYTES, WELCOME, SimulatedBus, address
+import can
+
+from .rig_bus import PACKET_BYTES, UNPLUGGED, WELCOME, SimulatedBus, address
 
 _SEND_BUFFER_BYTES = 4 * 1024 * 1024
 
@@ -22,6 +24,7 @@ class RigHub(SimulatedBus):
 
     def __init__(self, channel: str):
         self.lost = 0
+        self._plugged = True
         self._members: dict[int, socket.socket] = {}
         self._path = address(channel)
         self._path.unlink(missing_ok=True)
@@ -33,7 +36,17 @@ class RigHub(SimulatedBus):
         self._ready.register(self._door, select.EPOLLIN)
         super().__init__(channel)
 
+    def plug(self, plugged: bool) -> None:
+        """Unplug the adapter of all members, who are dead from then on, or plug it in again."""
+        self._plugged = plugged
+        for number, member in () if plugged else list(self._members.items()):
+            with suppress(OSError):
+                member.send(UNPLUGGED, socket.MSG_DONTWAIT)
+            self._members.pop(number).close()
+
     def _send_packet(self, packet: bytes) -> None:
+        if not self._plugged:
+            raise can.CanOperationError("nobody is there to acknowledge a frame")
         self._pass_on(packet, 0)
 
     def _next_packet(self, timeout_s: float | None) -> bytes | None:
@@ -50,6 +63,10 @@ class RigHub(SimulatedBus):
     def _admit(self) -> None:
         with suppress(OSError):  # it has gone again
             member = self._door.accept()[0]
+            if not self._plugged:
+                member.send(UNPLUGGED, socket.MSG_DONTWAIT)
+                member.close()
+                return
             # The kernel takes as much as it permits: some 550 frames by default.
             member.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
             self._members[member.fileno()] = member

@@ -14,11 +14,12 @@ from typing import Any, ClassVar, NamedTuple
 from ..can_io.port import SYNC_ID, Port
 from ..profiles import Profile, closest
 from . import communication, emcy
-from .errors import DeviceError, NotConfigured, Occupied, Refused, WrongDevice
+from .errors import DeviceError, NotAnswering, NotConfigured, Occupied, Refused, WrongDevice
 from .sdo import Sdo
+from .surplus import Beats
 
 #: NMT commands (CiA 301, 7.2.8.3.1): each goes to one node, never to all.
-NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x82
 #: NMT states in a heartbeat.
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 
@@ -26,6 +27,8 @@ _NMT_ID = 0x000
 _HEARTBEAT_BASE = 0x700
 _EMCY_BASE = 0x080
 _TOGGLE_BIT = 0x80
+_BOOT_S = 1.0  # in which a device whose communication was reset has booted
+_TWO_ANSWERS = "two answers to one question (SDO)"
 UNWATCHED_NS = 2_000_000_000
 """After this time without a reader of its bus a device may have lost what it was told [ns]."""
 
@@ -83,8 +86,9 @@ class CanopenDevice:
     settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
     device in messages, like `vertical drive`. make: what is known of its make. counters: events
     since the driver was created, by name. running: started, and not left since. intact: the device
-    still has its configuration, as far as its frames tell. nmt, heartbeat_ns: network state and
-    arrival of the last heartbeat. emergency: text of the last emergency, empty after its reset.
+    still has its configuration, as far as its frames tell. lost: it was silent; its communication
+    is reset before it is configured again. nmt, heartbeat_ns: network state and arrival of the last
+    heartbeat. emergency: text of the last emergency, empty after its reset.
     set_back: what an earlier master had left in it and `configure` has set back.
     """
 
@@ -95,7 +99,7 @@ class CanopenDevice:
         self.make = make
         self.label = label
         self.counters: Counter[str] = Counter()
-        self.running = self.intact = False
+        self.running = self.intact = self.lost = False
         self.nmt: int | None = None
         self.heartbeat_ns: int | None = None
         self.emergency = ""
@@ -104,6 +108,7 @@ class CanopenDevice:
             port, settings.node_id, label, settings.sdo_timeout, self._on_foreign_request
         )
         self._port = port
+        self._beats = Beats()
         self._identity = Identity(0)
         self._disturbances = (0, 0)
         self._configured_ns = 0
@@ -129,17 +134,23 @@ class CanopenDevice:
     def configure(self) -> None:
         """Find the device and configure it as the settings say; blocking, without NMT start.
 
-        Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
+        One that was lost, or does not answer, is told first to reset its communication. Raises
+        Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
         self.running = self.intact = False
         self.set_back = []
         self.refuse_others()
-        self.command_nmt(NMT_PRE_OPERATIONAL)
-        self._identify()
-        self.set_back += communication.set_back(
-            self.sdo, self.settings.node_id, round(1e6 / self.sync_rate), self.own_objects
-        )
-        found = self.set_up()
+        self.sdo.count_anew()
+        try:
+            self._find()
+            self.set_back += communication.set_back(
+                self.sdo, self.settings.node_id, round(1e6 / self.sync_rate), self.own_objects
+            )
+            found = self.set_up()
+        except DeviceError as error:
+            if self.sdo.doubled:  # which of them refused, or what, nobody can say
+                raise WrongDevice(self._twins(_TWO_ANSWERS)) from error
+            raise
         self._configured_ns = self._port.clock.now_ns()
         self.intact = True  # before the check, so that nothing is missed between the two
         try:
@@ -171,6 +182,8 @@ class CanopenDevice:
         self.running = True
         if not self.intact:  # it has restarted at just that
             self.running = False
+        self.sdo.count_anew()
+        self._beats = Beats()
 
     def stop(self) -> None:
         """Send nothing more. The configuration counts as gone: nobody watches any more."""
@@ -197,6 +210,41 @@ class CanopenDevice:
                 f"somebody already commands the {self.label} on {self._port.name} "
                 f"({can_ids[heard]}): is a second copy of this node running?"
             )
+
+    def _find(self) -> None:
+        if self.lost:
+            self._restart_communication()
+        self.command_nmt(NMT_PRE_OPERATIONAL)
+        try:
+            self._identify()
+        except NotAnswering as error:
+            if not self._restart_communication():
+                raise NotAnswering(
+                    f"{error}. Nor did it restart its communication when told to (NMT): switch its "
+                    "supply off and on"
+                ) from error
+            self.command_nmt(NMT_PRE_OPERATIONAL)
+            self._identify()
+        self.lost = False
+
+    def _restart_communication(self) -> bool:
+        """Tell the device to reset its communication; return whether it has booted up."""
+        before = self.counters["boot_ups"]
+        self.command_nmt(NMT_RESET_COMMUNICATION)
+        return self._port.wait_for(lambda: self.counters["boot_ups"] > before, _BOOT_S)
+
+    def check_answers(self) -> None:
+        """Latch that most of our questions of late had two answers."""
+        if self.running and self.sdo.doubled:
+            self.sdo.count_anew()
+            self.doubled(_TWO_ANSWERS)
+
+    def _twins(self, shown: str) -> str:
+        """Return what to say of two devices with one node id. shown: by what."""
+        return (
+            f"more than one device answers as the {self.label} (node id {self.settings.node_id}) "
+            f"on {self._port.name}: {shown}; leave one of them on the bus and give it another id"
+        )
 
     def _identify(self) -> None:
         """Read the identity and compare it with the settings, where 0 means any."""
@@ -225,6 +273,8 @@ class CanopenDevice:
 
     def _check_undisturbed(self) -> None:
         foreign, boot_ups = self._disturbances
+        if self.sdo.doubled:
+            raise WrongDevice(self._twins(_TWO_ANSWERS))
         if self.counters["foreign_sdo"] != foreign:
             raise Occupied(
                 f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
@@ -238,11 +288,13 @@ class CanopenDevice:
     # -- unsolicited reports of the device, from the thread that pumps the port ------------------
 
     def _on_heartbeat(self, data: bytes, arrival_ns: int) -> None:
-        if len(data) != 1:
+        if not data:
             self._port.counters["malformed"] += 1
             return
-        self.heartbeat_ns = arrival_ns
-        state = data[0] & ~_TOGGLE_BIT
+        last_ns, self.heartbeat_ns = self.heartbeat_ns, arrival_ns
+        if last_ns is not None and self._beats.note(arrival_ns - last_ns):
+            self.doubled("two heartbeats a period")
+        state = data[0] & ~_TOGGLE_BIT  # of a longer frame the first byte counts
         if state != BOOT_UP:
             self.nmt = state
             return
@@ -306,6 +358,10 @@ class CanopenDevice:
 
     def altered_by(self, client: str) -> None:
         """Latch that another SDO client talks to a configured device. client: its description."""
+        raise NotImplementedError
+
+    def doubled(self, shown: str) -> None:
+        """Latch that more than one device has this node id. shown: by what."""
         raise NotImplementedError
 
     def reported(self, emergency: emcy.Emergency) -> None:

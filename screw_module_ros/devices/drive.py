@@ -36,7 +36,7 @@ class Drive(DriveReports):
 
     counters: those of `DriveReports`, writes (commands sent), bad_torque (commands that were not
     finite), saturated (commands beyond max_torque), bus_errors, foreign (commands of another
-    master).
+    master), foreign_heartbeats (in our name).
     warnings: for the user, such as missing guards. unguarded: guards that the drive refused and
     nothing replaces. make: what is known of its make.
     told_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
@@ -81,6 +81,7 @@ class Drive(DriveReports):
         self._pack_command = setup.command_layout(make.drive).pack
         self._enable_word = cia402.ENABLE_OPERATION | make.drive.mode_bits
         port.subscribe(self._command_id, self._on_foreign_command)
+        port.subscribe(self.beat.can_id, self._on_foreign_heartbeat)
 
     # -- configuration: blocking -----------------------------------------------------------------
 
@@ -207,6 +208,9 @@ class Drive(DriveReports):
         self._expects_heartbeat = all(
             missing.guard != DRIVE_HEARTBEAT for missing in self.unguarded
         )
+        replaced = any(each.guard == DRIVE_HEARTBEAT for each in self._configured.replaced)
+        if self._expects_heartbeat and not replaced:  # it beats as it was told
+            self._beats.period_ns = round(self.settings.drive_heartbeat * 1e9)
         self._started_ns = now_ns
         self.logic.start(now_ns)
         self._was_armed = True
@@ -216,10 +220,15 @@ class Drive(DriveReports):
         """Count the configuration as lost when the drive may have restarted unheard."""
         given = self.reading
         last_ns = max(self._started_ns, given.monotonic_ns if given else 0)
-        if now_ns - last_ns > _UNHEARD_NS:
-            self.altered = True
-            self.logic.explain(self.emergency)
-            self.logic.latch(f"the {self.label} was silent and may have restarted")
+        if now_ns - last_ns <= _UNHEARD_NS:
+            return
+        self.altered = self.lost = True
+        self.logic.explain(self.emergency)
+        self.logic.latch(
+            f"the {self.label} was silent and may have restarted" if given else
+            f"the {self.label} is silent: no statusword since it was started; clear the fault, "
+            "which resets its communication, else switch its supply off and on"
+        )  # fmt: skip
 
     def _check_torque(self, state: State, now_ns: int) -> None:
         given = self.reading
@@ -340,11 +349,13 @@ class Drive(DriveReports):
     def clear_fault(self) -> None:
         """Begin to recover; `recovering` is True until the drive is back, at most switched on.
 
-        After a boot-up, and if it is `altered`, this configures the drive again, which blocks and
-        raises as `configure`.
+        After a boot-up, and if it is `altered` or was `lost`, this configures the drive again,
+        which blocks and raises as `configure`. A bus that has failed is opened anew.
         """
+        self._port.restore()
         logic = self.logic
-        again = not self.intact or self.altered
+        self.lost = self.lost or logic.lost
+        again = not self.intact or self.altered or self.lost
         if again:
             self.altered = False  # a client that continues meanwhile sets it again
             self.forget_errors()  # what it reports from here on explains a fault that follows
@@ -380,6 +391,16 @@ class Drive(DriveReports):
         if self._armed:
             self.logic.intruded(
                 f"somebody else commands the {self.label}: {self._command_text}"
+            )
+
+    def _on_foreign_heartbeat(self, _data: bytes, _arrival_ns: int) -> None:
+        """Stop: with the heartbeat of somebody else the drive would not notice that we hang."""
+        self.counters["foreign_heartbeats"] += 1
+        if self._armed:
+            self.logic.latch(
+                f"somebody else sends the heartbeat of master {self.settings.master_id}, which is "
+                f"ours, on {self._port.name}: the {self.label} would not notice when we hang; end "
+                "it, or choose another master_id here"
             )
 
     def altered_by(self, client: str) -> None:

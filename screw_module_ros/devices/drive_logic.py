@@ -97,7 +97,8 @@ class DriveLogic:
     disabling with that of 605C, instead of coasting. enable_timeout: limit for enabling and for
     recovering [s]. silence: time without a heartbeat after which the drive is lost [s]. leaving: a
     disabling is under way; a new request has to wait, or the drive's obedience to the old one would
-    look like an exit by itself.
+    look like an exit by itself. lost: its heartbeat was missing; a reset of its communication may
+    help.
     """
 
     def __init__(self, label: str, brake: bool, enable_timeout: float, silence: float):
@@ -115,7 +116,7 @@ class DriveLogic:
         self._unrequested_since_ns: int | None = None
         self._nmt_stopped_ns: int | None = None
         self._disabled_ns: int | None = None
-        self.leaving = self._intruded = self._cut_off = False
+        self.leaving = self.lost = self._intruded = self._cut_off = False
 
     @property
     def fault(self) -> str:
@@ -156,7 +157,7 @@ class DriveLogic:
     def forget(self) -> None:
         """Drop a latched fault, after the drive has been configured again."""
         self.reason = self._cause = ""
-        self._intruded = self.recovery.active = False
+        self.lost = self._intruded = self.recovery.active = False
 
     # -- what happens ----------------------------------------------------------------------------
 
@@ -257,6 +258,7 @@ class DriveLogic:
             return f"the {self._label} is in {state.text}"
         if beat_ns is not None:
             if now_ns - max(beat_ns, self._started_ns) > self._silence_ns:
+                self.lost = True
                 return f"the heartbeat of the {self._label} is missing"
             # Heartbeats from before and just after the start still carry the old state.
             settled = beat_ns - self._started_ns > self._silence_ns

@@ -17,6 +17,7 @@ from .drive_settings import BRAKE, DriveSettings
 from .emcy import Emergency, code_name
 from .motion import FULL_RANGE, Unwrapper
 from .reported import Reported
+from .surplus import Surplus
 
 _HEARTBEATS_MISSED = 3
 _ASKED_AFTER_NS = 300_000_000
@@ -64,6 +65,7 @@ class DriveReports(CanopenDevice):
         self._position_of = settings.direction * per_turn / settings.counts_per_turn
         self._unwrapper = Unwrapper(FULL_RANGE)
         self._stale_ns = round(settings.stale_periods * 1e9 / settings.rate)
+        self._surplus = Surplus()
         self.forget_reports()
         port.subscribe(self.answer_id, self._on_status)
         port.subscribe(slow_status.identifier(settings), self._on_slow_status)
@@ -164,6 +166,7 @@ class DriveReports(CanopenDevice):
         self.reading: DriveReading | None = None
         self.shown = State.UNKNOWN
         self._syncs_owed = 0
+        self._surplus.restart(*self._answers)
 
     def forget_errors(self) -> None:
         """Drop what the drive reported of errors before a recovery."""
@@ -185,6 +188,8 @@ class DriveReports(CanopenDevice):
         self.counters["received"] += 1
         if not self._syncs_owed:
             self.counters["unexpected"] += 1
+            if self._surplus.note(*self._answers):
+                self.doubled("two statuswords per SYNC")
         self._syncs_owed = 0
         position = self._unwrapper.step(raw) * self._position_of
         # The state first: another thread must not find the old state under a new time.
@@ -223,8 +228,19 @@ class DriveReports(CanopenDevice):
             return
         if not self._reported.ask(self.sdo, self._port.clock.now_ns(), _ASKED_AFTER_NS):
             self.counters["slow_polls_failed"] += 1
+        self.check_answers()
         self.logic.explain(_described(self.error_code))
         self.check_mode(self._port.clock.now_ns())
+
+    @property
+    def _answers(self) -> tuple[int, int]:
+        """Statuswords that came when they were due, and those that did not come."""
+        counters = self.counters
+        return counters["received"] - counters["unexpected"], counters["missing"]
+
+    def doubled(self, shown: str) -> None:
+        """Latch that more than one device obeys our commands."""
+        self.logic.latch(f"{self._twins(shown)}, then clear the fault")
 
     def _on_sync(self, _data: bytes, _arrival_ns: int) -> None:
         self._syncs_owed += 1

@@ -98,6 +98,11 @@ class DriveSettings(NamedTuple):
         float, Setting("listen for another master before configuring", "s", 0.0, 2.0)
     ] = 0.15
 
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """What only one process of a machine may have on a bus (`locks.lock_device`)."""
+        return f"drive node {self.node_id}", f"master {self.master_id}"
+
 
 _JOINT = DriveSettings(
     node_id=3, master_id=113, rate=500.0, rated_torque=10.0, max_torque=25.0, counts_per_turn=65536

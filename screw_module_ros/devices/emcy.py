@@ -13,6 +13,7 @@ from typing import NamedTuple
 from ..resources import resource_path
 
 _LAYOUT = struct.Struct("<HB5s")
+_SHORTEST = 2  # bytes of the code
 with resource_path("devices/emcy_codes.csv").open(newline="") as _file:
     _NAMES = {int(row["code"], 16): row["name"] for row in csv.DictReader(_file)}
 
@@ -46,8 +47,13 @@ class Emergency(NamedTuple):
 
 
 def decode(data: bytes) -> Emergency | None:
-    """Return the emergency in `data`, None when `data` is not 8 bytes long."""
-    return Emergency(*_LAYOUT.unpack(data)) if len(data) == _LAYOUT.size else None
+    """Return the emergency in `data`, None when `data` has not even a code.
+
+    CiA 301 wants 8 bytes. Of a shorter frame what is there counts, the rest is zero.
+    """
+    if len(data) < _SHORTEST:
+        return None
+    return Emergency(*_LAYOUT.unpack(data[: _LAYOUT.size].ljust(_LAYOUT.size, b"\0")))
 
 
 def code_name(code: int) -> str:

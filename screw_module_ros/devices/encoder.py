@@ -63,7 +63,9 @@ class Encoder(CanopenDevice):
             settings.direction, validated(screw), settings.counts_per_turn
         )
         self._motion = Motion(settings.velocity_cutoff, self._period_ns)
-        self._poll: Polled[EncoderReading] = Polled(port, self.counters)
+        self._poll: Polled[EncoderReading] = Polled(
+            port, self.counters, lambda: self.doubled("two positions per SYNC")
+        )
         self._unwrapper = Unwrapper(FULL_RANGE)
         self._longest_gap_ns = math.inf
         self._doubt = Doubt(settings.home_shift, HOMING, 1e3)
@@ -153,11 +155,13 @@ class Encoder(CanopenDevice):
         """Clear a latched fault; if the configuration is lost, configure again (blocking).
 
         It may be lost if the encoder is silent: it restarted unheard, or another master stopped it.
-        Raises as `configure`; then the fault stays latched.
+        A bus that has failed is opened anew. Raises as `configure`; then the fault stays latched.
         """
+        self._port.restore()
         silent = self.silent
         if silent:
             self._latch("the encoder does not answer")
+            self.lost = True
         stopped = silent or not self.running
         if stopped:
             self.configure()
@@ -268,6 +272,7 @@ class Encoder(CanopenDevice):
         reported, now_ns = self._reported, self._port.clock.now_ns()
         if not reported.ask(self.sdo, now_ns, 0):
             self.counters["slow_polls_failed"] += 1
+        self.check_answers()
         self.warnings = _bit_names(reported.value(setup.WARNING) or 0, setup.WARNINGS)
         if alarms := reported.value(setup.ALARM):
             self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
@@ -293,6 +298,10 @@ class Encoder(CanopenDevice):
             f"{client} talks to the encoder and may have changed how it counts: stop it, clear the "
             "fault to configure the encoder again, then home"
         )
+
+    def doubled(self, shown: str) -> None:
+        """Stop delivering samples: nobody can say of which encoder they are."""
+        self._lose_configuration(f"{self._twins(shown)}, clear the fault, then home")
 
     def _lose_configuration(self, why: str) -> None:
         self.intact = self.running = False

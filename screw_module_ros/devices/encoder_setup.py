@@ -82,6 +82,11 @@ class EncoderSettings(NamedTuple):
         float, Setting("listen for another SYNC producer before configuring", "s", 0.0, 2.0)
     ] = 0.1
 
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """What only one process of a machine may have on a bus (`locks.lock_device`)."""
+        return (f"encoder node {self.node_id}",)
+
 
 def position_pdo(settings: EncoderSettings, number: int = 1) -> pdo.Pdo:
     """Return a TPDO with object 6004 at every SYNC. number: 1 for TPDO1."""

@@ -73,7 +73,7 @@ class ForceSensor:
         self._dialogue = Dialogue(port, settings.base_id, label, settings.timeout)
         self._request_id = settings.base_id << 4
         self._rows: tuple[ati.Row, ...] = ()
-        self._poll: Polled[ForceReading] = Polled(port, self.counters, parts=2)
+        self._poll: Polled[ForceReading] = Polled(port, self.counters, self._on_doubled, parts=2)
         self._earlier: list[tuple[Wrench, bool]] = []
         self._running = False
         self._needs_reset = self._calibration_lost = self._frozen = False
@@ -177,8 +177,9 @@ class ForceSensor:
         """Clear a latched fault; one from the status word or frozen gauges restarts the board.
 
         A restart blocks and raises as `configure`; then the fault stays latched. Gauges that still
-        show the same values count as frozen at once.
+        show the same values count as frozen at once. A bus that has failed is opened anew.
         """
+        self._port.restore()
         stopped = self._needs_reset or self._calibration_lost
         if self._needs_reset:
             self.reset()
@@ -240,12 +241,23 @@ class ForceSensor:
         if not self._running:
             return
         self.counters["foreign_requests"] += 1
-        self._calibration_lost = True
-        self._lose_tare()
-        self._latch(
+        self._lose_calibration(
             f"somebody else set up or restarted the {self._label} on {self._port.name}, its "
             "calibration may be another now"
         )
+
+    def _on_doubled(self) -> None:
+        """Stop delivering samples: their halves may be of two sensors."""
+        self._lose_calibration(
+            f"more than one device answers as the {self._label} (base id "
+            f"0x{self.settings.base_id:02X}) on {self._port.name}: two samples per request; leave "
+            "one of them on the bus and give it another id, then tare"
+        )
+
+    def _lose_calibration(self, why: str) -> None:
+        self._calibration_lost = True
+        self._lose_tare()
+        self._latch(why)
 
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
@@ -317,8 +329,7 @@ class ForceSensor:
     def _note_restart(self, why: str) -> None:
         self._lose_tare()
         if self.settings.calibration != ANY_CALIBRATION:
-            self._calibration_lost = True
-            self._latch(f"the {self._label} {why}, its calibration may be another now")
+            self._lose_calibration(f"the {self._label} {why}, its calibration may be another now")
 
     def _latch(self, reason: str) -> None:
         self.fault = self.fault or reason

@@ -63,6 +63,11 @@ class ForceSensorSettings(NamedTuple):
         float, Setting("listen for another poller before configuring", "s", 0.0, 2.0)
     ] = 0.1
 
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """What only one process of a machine may have on a bus (`locks.lock_device`)."""
+        return (f"force sensor 0x{self.base_id:02x}",)
+
 
 def unchanged_samples(settings: ForceSensorSettings) -> int:
     """Return the number of equal samples in a row that means frozen gauges; 0 = no limit."""

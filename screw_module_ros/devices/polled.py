@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from ..can_io.port import Port
+from .surplus import Surplus
 
 Sample = TypeVar("Sample")
 #: Verdicts on a frame; all but FRESH are also names of counters.
@@ -76,15 +78,22 @@ class Polled(Generic[Sample]):
     counters: of the device; those updated here are requests (ticks), received (samples delivered),
     missing (ticks without one), missing_in_a_row (up to now), late (frames that came after the next
     request), unexpected (frames without a request), wrong_length (frames dropped) and silent (ticks
-    without a request, to distinguish late from lost). parts: frames of one answer. asked: sequence
-    and both clocks [ns] of the newest tick.
+    without a request, to distinguish late from lost). parts: frames of one answer. doubled():
+    called when the unexpected ones are so many that another device answers too. asked: sequence and
+    both clocks [ns] of the newest tick.
     """
 
-    __slots__ = ("_counters", "_fresh", "_port", "_tracker", "_waiting", "asked")
+    __slots__ = (
+        "_counters", "_doubled", "_fresh", "_port", "_surplus", "_tracker", "_waiting", "asked",
+    )  # fmt: skip
 
-    def __init__(self, port: Port, counters: Counter[str], parts: int = 1):
+    def __init__(
+        self, port: Port, counters: Counter[str], doubled: Callable[[], object], parts: int = 1
+    ):
         self._port = port
         self._counters = counters
+        self._doubled = doubled
+        self._surplus = Surplus()
         self._tracker = RequestTracker(parts)
         self.asked = (0, 0, 0)
         self.restart()
@@ -92,6 +101,7 @@ class Polled(Generic[Sample]):
     def restart(self) -> None:
         """Drop all open requests; call it at a start, when no answer can be in transit."""
         self._tracker.reset()
+        self._surplus.restart(self._counters["received"], self._counters["missing"])
         self._waiting = False
         self._fresh: Sample | None = None
 
@@ -118,7 +128,12 @@ class Polled(Generic[Sample]):
         if not well_formed:
             verdict = WRONG_LENGTH
         if verdict != FRESH:
-            self._counters[verdict] += 1
+            counters = self._counters
+            counters[verdict] += 1
+            if verdict == UNEXPECTED and self._surplus.note(
+                counters["received"], counters["missing"]
+            ):
+                self._doubled()
         return verdict
 
     def deliver(self, sample: Sample) -> None:

@@ -24,6 +24,9 @@ _ABORT = struct.Struct("<BHBL")
 _ABORT_COMMAND = 0x80
 _GENERAL_ERROR = 0x08000000
 _NO_OBJECT = b"\0\0"
+#: Abort codes of the transfer, in their high half; they say nothing of the object.
+_OF_THE_TRANSFER = (0x0503, 0x0504)
+_FEWEST_DOUBLED = 5
 _TRIES = 2
 _REQUEST_BASE = 0x600
 _RESPONSE_BASE = 0x580
@@ -51,9 +54,21 @@ class Sdo:
         self._lock = threading.Lock()
         self._object = _NO_OBJECT
         self._client = _Client(port, node_id, timeout_s)
+        self.count_anew()
         port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
         # Our own frames do not arrive here.
         port.subscribe(_REQUEST_BASE + node_id, lambda _data, _arrival_ns: on_foreign())
+
+    def count_anew(self) -> None:
+        """Forget which answers were too many."""
+        self._asked = self._client.asked
+        self._surplus = self._client.missed
+
+    @property
+    def doubled(self) -> bool:
+        """Whether most requests since the last `count_anew` had two answers: two devices."""
+        surplus = self._surplus - self._client.missed  # those may have come late
+        return surplus >= _FEWEST_DOUBLED and 2 * surplus > self._client.asked - self._asked
 
     @property
     def foreign_client(self) -> str:
@@ -67,8 +82,12 @@ class Sdo:
         # An abort of another object answers a request that was repeated. canopen would take it for
         # ours, and an existing object would pass for absent.
         stale = data[:1] == bytes([_ABORT_COMMAND]) and data[1:3] not in (self._object, _NO_OBJECT)
-        if len(data) == _FRAME_BYTES and not stale:
+        if len(data) != _FRAME_BYTES or stale:
+            return
+        if self._client.awaits:
             self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
+        else:
+            self._surplus += 1
 
     def read(self, index: int, subindex: int = 0) -> bytes:
         """Upload one object.
@@ -123,10 +142,12 @@ class Sdo:
     def _transfer(self, index: int, subindex: int, action: Callable[[], Any]) -> Any:
         with self._lock:
             self._object = index.to_bytes(2, "little")
-            for _ in range(_TRIES):
+            for left in reversed(range(_TRIES)):
                 try:
                     return action()
                 except SdoAbortedError as error:
+                    if left and error.code >> 16 in _OF_THE_TRANSFER:
+                        continue  # an earlier client may have left the device amid a transfer
                     raise Refused(
                         f"{self.label} refused {_name(index, subindex)}: {error}", error.code
                     ) from error
@@ -143,24 +164,37 @@ class Sdo:
 
 
 class _Client(SdoClient):
-    """canopen's client with its frames sent and received through the port."""
+    """canopen's client with its frames sent and received through the port.
+
+    awaits: a request has no answer yet. asked, missed: requests sent, and those without an answer.
+    """
 
     def __init__(self, port: Port, node_id: int, timeout_s: float):
         super().__init__(_REQUEST_BASE + node_id, _RESPONSE_BASE + node_id, ObjectDictionary())
         self.RESPONSE_TIMEOUT = timeout_s
         self._port = port
+        self.awaits = False
+        self.asked = self.missed = 0
 
     def send_request(self, request: bytes) -> None:
+        self.awaits = True
+        self.asked += 1
         self._port.send(self.rx_cobid, bytes(request))
+
+    def on_response(self, can_id: int, data: bytes, timestamp: float) -> None:
+        self.awaits = False
+        super().on_response(can_id, data, timestamp)
 
     def read_response(self) -> bytes:
         if not self._port.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
+            self.awaits = False
+            self.missed += 1
             raise SdoCommunicationError("no response")
         return super().read_response()
 
     def abort(self, abort_code: int = _GENERAL_ERROR) -> None:
         """Abort the transfer at the server; the caller gets an exception, so nothing is logged."""
-        self.send_request(_ABORT.pack(_ABORT_COMMAND, 0, 0, abort_code))
+        self._port.send(self.rx_cobid, _ABORT.pack(_ABORT_COMMAND, 0, 0, abort_code))
 
 
 def _name(index: int, subindex: int) -> str:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`check_hardware`: look at computer, buses and devices before the first start.
 
-It reads the same parameter file as the nodes, which must not run meanwhile. It finds and configures
-the devices; it never enables a drive.
+It reads the same parameter file as the nodes. It finds and configures the devices; it never enables
+a drive. A bus that somebody uses is only listened to: nodes, whose locks it takes first, or another
+master.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 import click
 
 from .. import graph, parameter_files
-from ..can_io.bus import BusSettings, open_port, within
+from ..can_io.bus import BusSettings, open_port, where, within
 from ..can_io.errors import BusError
 from ..can_io.port import Port
 from ..clock import Clock, WallClock
@@ -28,6 +29,7 @@ from ..devices.encoder_setup import EncoderSettings
 from ..devices.force_sensor_settings import ForceSensorSettings
 from ..devices.makes import node_parameters
 from ..geometry import Screw
+from ..locks import AlreadyRunning, lock_device
 from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, load
 from ..resources import resource_path
 from ..settings import SettingError, fields, read
@@ -76,7 +78,10 @@ def _shared(values: dict[str, Any]) -> dict[str, Any]:
 
 
 class Found:
-    """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding."""
+    """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding.
+
+    Their locks are ours, as far as nobody has them: `driven` says on which buses somebody has.
+    """
 
     def __init__(
         self, values: Values, nodes: Collection[str], clock: Clock, stack: ExitStack,
@@ -85,6 +90,8 @@ class Found:
         self.findings: list[Finding] = []
         self.buses: dict[BusSettings, Bus] = {}
         self.devices: dict[str, Any] = {}
+        self.driven: dict[str, str] = {}
+        self._locked: set[tuple[str, str]] = set()
         self._values, self._nodes, self._clock, self._stack = values, nodes, clock, stack
         self._namespace = namespace
         self._add("encoder", lambda port, v: Encoder(
@@ -112,6 +119,17 @@ class Found:
         held = self.buses[bus]
         self.buses[bus] = held._replace(devices=(*held.devices, device))
         self.devices[name or node] = device
+        self._lock(bus, device.settings.claims)
+
+    def _lock(self, bus: BusSettings, claims: tuple[str, ...]) -> None:
+        for claim in claims:
+            if (place := (where(bus), claim)) in self._locked:
+                continue  # two drives have one master
+            try:
+                self._stack.callback(lock_device(*place).release)
+                self._locked.add(place)
+            except AlreadyRunning:
+                self.driven.setdefault(bus.channel, f"a node drives {claim}")
 
     def _open(self, bus: BusSettings) -> bool:
         if not any(each.what == bus.channel for each in self.findings):
@@ -142,10 +160,19 @@ def check(
     with ExitStack() as stack:
         found = Found(values, nodes, clock, stack, namespace)
         findings = [*machine.machine(), *found.findings]
+        free: list[Any] = []
         for bus in found.buses.values():
-            findings += [*devices.traffic(bus), devices.node_ids(bus)]
+            heard = devices.listen(bus)
+            findings += devices.traffic(bus, heard)
+            if users := ", ".join(filter(None, [found.driven.get(bus.name, ""), heard.used_by])):
+                findings.append(devices.in_use(bus, users))
+            else:
+                findings.append(devices.node_ids(bus))
+                free += bus.devices
         there = {}
         for name, device in found.devices.items():
+            if device not in free:
+                continue
             told = devices.configured(device, name)
             findings += told
             if told[0].todo == "":

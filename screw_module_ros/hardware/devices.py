@@ -8,13 +8,14 @@ SYNC alone (`exchange.py`): a drive without a command stays off, and its guards 
 from __future__ import annotations
 
 import statistics
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ..can_io.load import bits_per_second
 from ..can_io.port import Port
 from ..clock import Clock
-from ..devices.canopen import CanopenDevice
+from ..devices.canopen import OPERATIONAL, CanopenDevice
 from ..devices.drive import Drive
 from ..devices.encoder import Encoder
 from ..devices.errors import DeviceError, NotAnswering, Occupied
@@ -32,7 +33,13 @@ LEAST_MOTION = 0.005
 """Motion of the handle that shows directions [m]."""
 _LISTEN_S, _SCAN_S = 1.0, 0.5
 _DEVICE_TYPE = bytes((0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0))
-_REQUEST, _RESPONSE = 0x600, 0x580
+_SERIAL = bytes((0x40, 0x18, 0x10, 0x04, 0, 0, 0, 0))
+_QUESTIONS = 2
+_REQUEST, _RESPONSE, _HEARTBEAT = 0x600, 0x580, 0x700
+_USED = (range(1), range(0x100, 0x800))
+"""Identifiers that show a master, or what one has started: all but emergencies and those that are
+free in CiA 301. Of heartbeats those in OPERATIONAL do, but for our devices'."""
+_MOST_NAMED = 5
 _UPLOAD = 0x43
 _BUSY = 50.0  # foreign frames per second
 _SAME = 0.1  # relative difference of two measurements of one motion
@@ -47,15 +54,67 @@ class Bus(NamedTuple):
     bitrate: int
     devices: tuple[Any, ...]
 
+    @property
+    def node_ids(self) -> dict[int, int]:
+        """Our CANopen devices: node id -> device profile."""
+        return {each.settings.node_id: each.profile for each in self.devices
+                if isinstance(each, CanopenDevice)}  # fmt: skip
 
-def traffic(bus: Bus) -> list[Finding]:
+
+class Heard(NamedTuple):
+    """What others send while we are silent. rate: [frames/s]; used_by: what only a master, or a
+    device that one has started, sends; empty without any.
+    """
+
+    rate: float
+    used_by: str
+
+
+def listen(bus: Bus) -> Heard:
+    """Listen for a second, without a frame of ours."""
+    port = bus.port
+    used: Counter[int] = Counter()
+    own = {_HEARTBEAT + node for node in bus.node_ids}
+    notes = {can_id: _counting(used, can_id)
+             for span in _USED for can_id in span if can_id not in own}  # fmt: skip
+    for can_id, note in notes.items():
+        port.subscribe(can_id, note)
+    before, syncs = port.counters.total(), port.counters["foreign_sync"]
+    port.wait_for(lambda: False, _LISTEN_S)
+    for can_id, note in notes.items():
+        port.unsubscribe(can_id, note)
+    rate = (port.counters.total() - before) / _LISTEN_S
+    names = ["SYNC"] * (port.counters["foreign_sync"] > syncs)
+    names += [f"0x{can_id:03X}" for can_id, _ in used.most_common(_MOST_NAMED)]
+    more = len(used) - _MOST_NAMED
+    return Heard(rate, ", ".join(names) + (f" and {more} more" if more > 0 else ""))
+
+
+def _counting(counts: Counter[int], can_id: int) -> Callable[[bytes, int], None]:
+    heartbeat = can_id - _HEARTBEAT in range(1, 128)
+
+    def note(data: bytes, _arrival_ns: int) -> None:
+        if not heartbeat or data[:1] == bytes([OPERATIONAL]):
+            counts[can_id] += 1
+
+    return note
+
+
+def in_use(bus: Bus, by: str) -> Finding:
+    """Return that a bus was only listened to. by: who or what uses it."""
+    return Finding(
+        f"{bus.name} is in use", f"{by}: only listened to, none of its devices was asked or set up",
+        "a silent bus", "end the robot or the other master (or switch off and on a device that "
+        "sends by itself), then look again",
+    )  # fmt: skip
+
+
+def traffic(bus: Bus, heard: Heard) -> list[Finding]:
     """Return the configured load, and what others send: nobody should, before the robot runs."""
     frames = [frame for device in bus.devices for frame in device.traffic]
     load = bits_per_second(frames) / bus.bitrate
     lower = "" if load < 0.8 else "lower the rate, or give a device a bus of its own"
-    before = bus.port.counters.total()
-    bus.port.wait_for(lambda: False, _LISTEN_S)
-    seen = (bus.port.counters.total() - before) / _LISTEN_S
+    seen = heard.rate
     others = "" if seen < _BUSY else (
         "another master or a running robot uses this bus: stop it, or take its devices off"
     )  # fmt: skip
@@ -68,11 +127,17 @@ def traffic(bus: Bus) -> list[Finding]:
 
 
 def node_ids(bus: Bus) -> Finding:
-    """Return who answers for its device type (object 1000), on all node ids."""
+    """Return who answers for its device type (object 1000), on all node ids, and how many.
+
+    Two devices with one node id answer both, unless at the same instant with the same bits: so
+    those that are there are also asked for their serial number (1018:04).
+    """
     found: dict[int, int] = {}
+    answers: Counter[int] = Counter()
 
     def note(node: int) -> Callable[[bytes, int], None]:
         def on_answer(data: bytes, _arrival_ns: int) -> None:
+            answers[node] += 1
             if len(data) == 8 and data[0] == _UPLOAD and data[1:3] == _DEVICE_TYPE[1:3]:
                 found[node] = int.from_bytes(data[4:6], "little")
 
@@ -82,21 +147,29 @@ def node_ids(bus: Bus) -> Finding:
     for node, callback in notes.items():
         bus.port.subscribe(_RESPONSE + node, callback)
     try:
-        for node in notes:
-            bus.port.send(_REQUEST + node, _DEVICE_TYPE)
-        bus.port.wait_for(lambda: False, _SCAN_S)
+        for request, nodes in ((_DEVICE_TYPE, notes), (_SERIAL, found)):
+            for node in [*nodes]:
+                bus.port.send(_REQUEST + node, request)
+            bus.port.wait_for(lambda: False, _SCAN_S)
     finally:
         for node, callback in notes.items():
             bus.port.unsubscribe(_RESPONSE + node, callback)
-    wanted = {each.settings.node_id: each.profile for each in bus.devices
-              if isinstance(each, CanopenDevice)}  # fmt: skip
+    wanted = bus.node_ids
     missing = sorted(node for node, profile in wanted.items() if found.get(node) != profile)
-    text = ", ".join(f"{node}: CiA {profile}" for node, profile in sorted(found.items()))
+    twins = sorted(node for node, count in answers.items() if count > _QUESTIONS)
+    text = ", ".join(
+        f"{node}: CiA {profile}{' (more than one device)' if node in twins else ''}"
+        for node, profile in sorted(found.items())
+    )
     todo = "" if not missing else (
         f"nobody of the wanted kind at node id {', '.join(map(str, missing))}: set the device's "
         "node id or the parameter node_id; if nobody answers at all, look at supply, cable, "
         "120 ohm at both ends, bit rate"
     )  # fmt: skip
+    if twins:
+        todo = "; ".join(filter(None, [
+            f"more than one device answers at node id {', '.join(map(str, twins))}: leave one of "
+            "them on the bus, and give it another id", todo]))  # fmt: skip
     names = ", ".join(f"{node}: CiA {profile}" for node, profile in sorted(wanted.items()))
     return Finding(f"{bus.name} node ids", text or "nobody answers", names, todo)
 

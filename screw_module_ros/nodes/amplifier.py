@@ -86,7 +86,7 @@ class AmplifierNode(DriveNode):
         self._max_torque = settings.max_torque
         largest = min(self._max_torque, largest_command(self._chain))
         settings = settings._replace(max_torque=largest)
-        port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
+        port = self.open_port(*settings.claims)
         make = load(settings.profile, DRIVE)
         self.configure_drives(
             Drive(port, settings, "vertical drive", per_turn=self._screw.lead, make=make)

@@ -31,7 +31,7 @@ class EncoderNode(SensorNode):
     def connect(self) -> None:
         """Find and configure the encoder."""
         settings = self.parameters.read(EncoderSettings)
-        port = self.open_port(f"encoder node {settings.node_id}")
+        port = self.open_port(*settings.claims)
         make = load(settings.profile, ENCODER)
         encoder = Encoder(port, settings, self.parameters.read(Screw), make)
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)

@@ -55,7 +55,7 @@ class ForceSensorNode(SensorNode):
     def connect(self) -> None:
         """Find the sensor and read its calibration."""
         settings = self.parameters.read(ForceSensorSettings)
-        port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
+        port = self.open_port(*settings.claims)
         self.add_device(force_sensors.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
@@ -68,7 +68,7 @@ class ForceSensorNode(SensorNode):
 
         A sensor that may have restarted unseen is configured anew.
         """
-        if self.device.fault:
+        if self.device.fault or self.port.failed:
             self.device.clear_fault()
         if not self.device.configured:
             self.device.configure()
@@ -98,7 +98,7 @@ class ForceSensorNode(SensorNode):
         """
         device = self.device
         self._torque_off.check(_JUMPS)
-        if cleared := bool(device.fault):
+        if cleared := bool(device.fault) or self.port.failed:
             device.clear_fault()
         readings = self._next_readings(device.settings.tare_samples)
         self._torque_off.check(_JUMPS)  # somebody may have enabled meanwhile

@@ -98,8 +98,7 @@ class ManusNode(DriveNode):
             adapted(self._drive_settings("shoulder", law.shoulder_torque), make.drive),
             adapted(self._drive_settings("elbow", law.elbow_torque), make.drive),
         ]
-        names = [f"drive node {each.node_id}" for each in settings]
-        port = self.open_port(*names, f"master {settings[0].master_id}")
+        port = self.open_port(*dict.fromkeys(name for each in settings for name in each.claims))
         beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
         shoulder, elbow = (
             Drive(port, each, f"{joint} drive", beat, make=make)

@@ -20,6 +20,7 @@ from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_bus, where, within
 from screw_module_ros.clock import WallClock
+from screw_module_ros.locks import lock_simulation
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.lockstep.page import Page, alive
@@ -31,7 +32,6 @@ from screw_module_ros.settings import Setting
 from .simulated_patient import SimulatedPatient
 from .support.answering import Done
 from .support.node import Node
-from .support.place import lock_simulation
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered
 

@@ -51,6 +51,7 @@ class CanopenDevice(SimulatedDevice):
     FAULTS = CANOPEN
     unpowered = mute_heartbeat = mute_pdos = deaf_pdos = silent_sdo = False
     refuse_guards = wrong_profile = False
+    _hung = False
 
     def __init__(self, name: str, link: Link, node_id: int, eds: str, make: Profile):
         super().__init__(name, link)
@@ -81,6 +82,8 @@ class CanopenDevice(SimulatedDevice):
             if now_ns >= self._boot_at_ns and not self.unpowered:
                 self._boot()
             return
+        if self._hung:
+            return
         if self._beat_ns and now_ns >= self._next_beat_ns:
             self._beat()
         for node_id, due_ns in (*self._deadlines_ns.items(),):
@@ -98,7 +101,7 @@ class CanopenDevice(SimulatedDevice):
         self.link.send(can_id, data)
 
     def _send_emcy(self, can_id: int, data: bytes) -> None:
-        if self.state in (OPERATIONAL, PRE_OPERATIONAL):
+        if self.state in (OPERATIONAL, PRE_OPERATIONAL) and not self._hung:
             self.send(can_id, data)
 
     # What a profile adds.
@@ -168,6 +171,8 @@ class CanopenDevice(SimulatedDevice):
             return
         self.now_ns = now_ns
         command = data[0]
+        if self._hung and command not in (_RESET_NODE, _RESET_COMMUNICATION):
+            return
         if command == _START:
             self._enter(OPERATIONAL)
         elif command == _STOP:
@@ -200,6 +205,7 @@ class CanopenDevice(SimulatedDevice):
 
     def _reset(self, whole: bool) -> None:
         """Reset for a moment and boot with default objects: all, or the communication area."""
+        self._hung = False
         self.node.restore(_ALL_OBJECTS if whole else _COMMUNICATION_AREA)
         self._enter(INITIALISING)
         self._deadlines_ns.clear()
@@ -295,6 +301,13 @@ class CanopenDevice(SimulatedDevice):
         self.link.end(OFF_BUS)
         self.errors.report(BUS_OFF_RECOVERED)
         self.errors.resolve(BUS_OFF_RECOVERED)
+
+    def hang(self, _size: float) -> None:
+        """Answer and send nothing until a reset; the application treats its master as lost."""
+        self._hung = True
+        self.connection_lost(HEARTBEAT_LOST)
+        self._enter(PRE_OPERATIONAL)
+        self.link.listen({_NMT_ID: self._on_nmt})
 
     def restart(self, _size: float) -> None:
         """Reset in mid-run."""

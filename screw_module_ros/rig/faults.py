@@ -67,6 +67,8 @@ _BIT = Size("bit number", 0, 0, 15)
 
 CABLE = {
     "cable_out": _cable("nothing goes out and nothing comes in"),
+    "adapter_out": _cable("the adapter of the nodes on this bus is unplugged, which ends what they "
+                          "have opened"),
     "mute": _cable("nothing goes out"),
     "deaf": _cable("nothing comes in"),
     "drop": _cable("frames it sends are lost at random", "share", 0.5, 0.0, 1.0),
@@ -85,6 +87,8 @@ CANOPEN = CABLE | {
     "bus_off": Fault("its CAN controller is off the bus; EMCY 8140 when it is back",
                      start="leave_bus", end="return_to_bus"),
     "reset": Fault("it restarts in mid-run: boot-up, configuration gone", start="restart"),
+    "hung": Fault("its communication hangs until it is reset (NMT) or loses its supply; a drive "
+                  "drops its torque", start="hang"),
     "power_off": Fault("it loses its supply; boots when it is back", "unpowered", True, "restart"),
     "emcy": Fault("one EMCY frame, nothing else", start="send_emcy",
                   size=Size("error code (decimal)", 0x1000, 1, 0xFFFF)),

@@ -13,6 +13,8 @@ import zlib
 
 from screw_module_ros.rig.port import Handler, RigPort
 
+UNPLUGGED = "adapter_out"
+"""The fault of the bus and not of the device: it ends for all who reach the bus."""
 OFF_BUS = "off_bus"
 """Not in the table of faults: with it a device's controller leaves the bus."""
 LARGEST_BURST = 200.0
@@ -73,11 +75,15 @@ class Link:
         """Begin a fault; size: in the unit of `faults.CABLE`."""
         self.faults[fault] = size
         self._flooded_ns = self.port.now_ns
+        if fault == UNPLUGGED:
+            self.port.plug(False)
         self.port.rebuild()
 
     def end(self, fault: str) -> None:
         """End a fault; after the last one, send the frames that were held back."""
         self.faults.pop(fault, None)
+        if fault == UNPLUGGED:
+            self.port.plug(True)
         self.port.rebuild()
         if not self.faults:
             self._release(all_of_them=True)

@@ -54,6 +54,14 @@ class RigPort:
         """Frames that members of the bus have lost because they did not read."""
         return getattr(self.bus, "lost", 0)
 
+    def plug(self, plugged: bool) -> None:
+        """Unplug the adapter with which the nodes reach this bus, or plug it in again.
+
+        Only a bus of the rig can show it.
+        """
+        if hasattr(self.bus, "plug"):
+            self.bus.plug(plugged)
+
     def expects(self) -> bool:
         """Return whether a frame may be waiting; lock step does not foresee frames of foreign
         processes.

@@ -36,15 +36,10 @@ from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
 
 from ..graph import nodes_of
+from ..locks import AlreadyRunning, Lock
 from ..nodes import bringup
 from ..nodes.bringup import network_option
-from ..nodes.support.place import (
-    NETWORK_VARIABLE,
-    RANGE_VARIABLE,
-    STATE_VARIABLE,
-    AlreadyRunning,
-    Lock,
-)
+from ..nodes.support.place import NETWORK_VARIABLE, RANGE_VARIABLE, STATE_VARIABLE
 from ..nodes.support.runtime import StopFlag
 from ..operator.robot import Robot, RobotError
 from ..terminal import Console

@@ -184,13 +184,19 @@ class ScriptedNode(FarEnd):
         self.at_start = self.at_write = ""  # what it does at its next start, and after each write
         self.writes: list[tuple[int, int, int]] = []
         self.operational = False
-        self.mute = False
+        self.mute, self.answering = False, True
+        self.cures = ""  # reset: NMT reset communication ends that it is mute
+        self.answers = 1  # to each question
         self.nmt: list[int] = []
 
     def handle(self, can_id: int, data: bytes) -> None:
         if can_id == 0x000 and data[1] in (0, self.node_id):
             self.nmt.append(data[0])
             self.operational = data[0] == 0x01
+            if data[0] == 0x82 and self.cures == "reset":
+                self.mute, self.answering = False, True
+            if data[0] == 0x82 and not self.mute:
+                self.boot_up()
             if self.operational and self.at_start:
                 happens, self.at_start = self.at_start, ""
                 getattr(self, happens)()
@@ -211,7 +217,8 @@ class ScriptedNode(FarEnd):
         self.wire.emit(0x600 + self.node_id, "40 61 60 00 00 00 00 00")
 
     def _reply(self, data: bytes) -> None:
-        self.wire.emit(0x580 + self.node_id, data)
+        for _ in range(self.answers):
+            self.wire.emit(0x580 + self.node_id, data)
 
     def _sdo(self, data: bytes) -> None:
         command, key = data[0], (data[1] | data[2] << 8, data[3])

@@ -93,9 +93,10 @@ class ScriptedDrive(ScriptedNode):
         self.torque = self.given = 0
         self.position = 0
         self.cause_stands = False
-        self.answering = self.obeys = True
+        self.obeys = True
         self.delay = 0  # controlwords until one is obeyed
-        self.beat = "05"  # its heartbeat, empty for none
+        self.beat = "05"  # its heartbeat, empty for none; each 50 ms, and at once when it changes
+        self._beaten, self._beat_ns = "", 0
         self._words: deque[int] = deque()
         self._last_word = 0
 
@@ -118,8 +119,12 @@ class ScriptedDrive(ScriptedNode):
             self.report()
 
     def show_life(self) -> None:
-        if self.beat:
+        if self.beat and (
+            self.beat != self._beaten or self.wire.now_ns - self._beat_ns >= 50 * MILLISECOND
+        ):
             self.wire.emit(0x700 + self.node_id, self.beat)
+            self._beat_ns = self.wire.now_ns
+        self._beaten = self.beat
 
     def report(self) -> None:
         word = STATUSWORDS[self.state].to_bytes(2, "little")

@@ -126,9 +126,15 @@ def test_layout_by_hand():
     )
 
 
-@pytest.mark.parametrize("data", ["", "00", "30 81 11 00 00 00 00"])
-def test_wrong_length_is_none(data):
+@pytest.mark.parametrize("data", ["", "00"])
+def test_an_emergency_without_a_code_is_none(data):
     assert emcy.decode(bytes.fromhex(data)) is None
+
+
+def test_a_short_emergency_is_read_as_far_as_it_goes():
+    assert emcy.decode(bytes.fromhex("30 81 11")) == (0x8130, 0x11, bytes(5))
+    assert emcy.decode(bytes.fromhex("30 81")) == (0x8130, 0, bytes(5))
+    assert emcy.decode(bytes.fromhex("30 81 11 DE AD")) == (0x8130, 0x11, b"\xde\xad\0\0\0")
 
 
 @pytest.mark.parametrize(

@@ -113,9 +113,23 @@ def test_what_is_no_answer_of_ours_is_not_believed(wire, node, sdo, frame, reque
 
 
 def test_abort_without_an_object_is_believed(node, sdo):
-    node.first = ("80 00 00 00 00 00 04 05",)
+    node.first = ("80 00 00 00 00 00 02 06",)
     with pytest.raises(Refused):
         sdo.unsigned(0x1018, 4)
+
+
+@pytest.mark.parametrize("frame", ["80 00 00 00 01 00 04 05", "80 18 10 04 00 00 03 05"])
+def test_a_transfer_that_an_earlier_client_left_is_not_blamed_on_the_object(wire, node, sdo, frame):
+    """Command specifier unknown, toggle bit not alternated: the server was amid a transfer."""
+    node.first = (frame,)
+    assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
+    assert len(wire.sent(0x605)) == 2
+
+
+def test_an_abort_of_the_transfer_that_stays_is_told(node, sdo):
+    node.refused[0x6061, 0] = 0x05040001
+    with pytest.raises(Refused, match="6061"):
+        sdo.write(0x6061, 0, 10, 1)
 
 
 def test_read_back_of_another_value(node, sdo):

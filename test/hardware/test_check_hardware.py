@@ -6,14 +6,16 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 import pytest
+from loop_parts import twin_of
 
-from screw_module_ros.can_io.bus import BusSettings
+from screw_module_ros.can_io.bus import BusSettings, where
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.hardware import command, devices, exchange, machine
 from screw_module_ros.hardware.command import NODES, settings, values_of
 from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
+from screw_module_ros.locks import AlreadyRunning, lock_device
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.canopen_device import PRE_OPERATIONAL
@@ -40,7 +42,7 @@ def everything(bench):
     ]
     found = []
     for bus in buses:
-        found += [*devices.traffic(bus), devices.node_ids(bus)]
+        found += [*devices.traffic(bus, devices.listen(bus)), devices.node_ids(bus)]
         for device in bus.devices:
             found += devices.configured(device, f"{bus.name} device")
     return found
@@ -138,8 +140,85 @@ def test_second_master(bench):
 
 def test_busy_bus(bench):
     bench.rig.inject("encoder", "flood", 4.0, 0.0, bench.now_ns)
-    found = devices.traffic(bus_of(bench, "encoder", bench.encoder))
-    assert open_points(found) == {"encoder traffic"}
+    bus = bus_of(bench, "encoder", bench.encoder)
+    heard = devices.listen(bus)
+    assert open_points(devices.traffic(bus, heard)) == {"encoder traffic"}
+    assert heard.used_by == "", "a babbling device is no master"
+
+
+def talker(bench, bus, *frames):
+    """Let somebody send these frames (identifier, data) on a bus, each millisecond."""
+    far, serve = bench.rig.devices[bus].link.port, bench.clock.serve
+    due_ns = bench.now_ns
+
+    def talk():
+        nonlocal due_ns
+        if bench.now_ns >= due_ns:
+            due_ns = bench.now_ns + PERIOD_NS
+            for frame in frames:
+                far.send(*frame)
+        serve()
+
+    bench.clock.serve = talk
+
+
+@pytest.mark.parametrize(
+    ("frame", "name"),
+    [((0x080, b""), "SYNC"), ((0x281, bytes(7)), "0x281"), ((0x201, bytes(4)), "0x201"),
+     ((0x601, bytes(8)), "0x601"), ((0x770, b"\x05"), "0x770"), ((0x000, b"\x01\x01"), "0x000")],
+)  # fmt: skip
+def test_a_bus_with_traffic_is_only_listened_to(bench, monkeypatch, frame, name):
+    """A running robot would take the question for a second SDO client, and stop."""
+    talker(bench, "drive", frame)
+    monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["drive"])
+    before = bench.ports["drive"].counters["sent"]
+    found = command.check({"amplifier": {}}, ["amplifier"], bench.clock, 0, 0, print)
+    (line,) = [each for each in found if "in use" in each.what]
+    assert line.found.startswith(f"{name}: only listened to, none of its devices was asked")
+    assert line.verdict == TO_DO
+    assert bench.ports["drive"].counters["sent"] == before
+
+
+def test_a_device_that_waits_is_no_traffic(bench):
+    """Its heartbeat in PRE-OPERATIONAL, an emergency, its boot-up; our drive in any state."""
+    talker(bench, "drive", (0x709, b"\x7f"), (0x709, b"\0"), (0x089, bytes(8)), (0x701, b"\x05"))
+    assert devices.listen(bus_of(bench, "drive", bench.drive)).used_by == ""
+
+
+def test_a_device_that_a_node_drives_is_not_asked(bench, monkeypatch):
+    """Nor are others on its bus, which is silent as long as the node is not active."""
+    monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
+    settings_ = BusSettings(channel="manus")
+    before = bench.ports["planar"].counters["sent"]
+    held = lock_device(where(settings_), "drive node 4")
+    try:
+        found = command.check({"manus": {}}, ["manus"], bench.clock, 0, 0, print)
+    finally:
+        held.release()
+    (line,) = [each for each in found if "in use" in each.what]
+    assert line.found.startswith("a node drives drive node 4: only listened to")
+    assert bench.ports["planar"].counters["sent"] == before
+    assert not any(each.what in command.JOINTS for each in found)
+
+
+def test_no_node_starts_meanwhile(bench, monkeypatch):
+    monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
+    with ExitStack() as stack:
+        command.Found({"manus": {}}, ["manus"], bench.clock, stack)
+        stack.callback(lambda: None)
+        for claim in ("drive node 3", "drive node 4", "master 113"):
+            with pytest.raises(AlreadyRunning, match=claim):
+                lock_device(where(BusSettings(channel="manus")), claim)
+
+
+def test_two_devices_with_one_node_id(bench):
+    twin_of(bench)
+    bus = bus_of(bench, "drive", bench.drive)
+    line = devices.node_ids(bus)
+    assert line.found == "1: CiA 402 (more than one device)"
+    assert "more than one device answers at node id 1: leave one of them" in line.todo
+    (line,) = devices.configured(bench.drive, "amplifier")
+    assert "more than one device answers as the drive (node id 1)" in line.found
 
 
 def test_stuck_count(bench):

@@ -14,8 +14,8 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from screw_module_ros.can_io.bus import BusSettings, where, within
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.graph import bus_of
+from screw_module_ros.locks import AlreadyRunning, lock_device, lock_simulation
 from screw_module_ros.nodes.support.answering import Done
-from screw_module_ros.nodes.support.place import AlreadyRunning, lock_device, lock_simulation
 from screw_module_ros.nodes.support.states import set_impedance
 
 

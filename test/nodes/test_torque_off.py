@@ -11,9 +11,9 @@ from screw_module_msgs.msg import AmplifierState, PlanarState
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.locks import lock_node
 from screw_module_ros.nodes.support.answering import carried_out
 from screw_module_ros.nodes.support.driver import TorqueOff
-from screw_module_ros.nodes.support.place import lock_node
 
 NAMESPACE = "/torque_off"  # no amplifier of another test has been discovered there
 ON, OFF = AmplifierState(enabled=True), AmplifierState()

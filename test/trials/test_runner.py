@@ -9,7 +9,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from screw_module_ros.nodes.support.place import AlreadyRunning
+from screw_module_ros.locks import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.terminal import FiniteRange

@@ -16,6 +16,7 @@ from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
 from screw_module_ros.devices.canopen import CanopenDevice
 from screw_module_ros.devices.errors import DeviceError, NotConfigured, NotNow, Refused
+from screw_module_ros.locks import lock_device, runs
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -23,7 +24,6 @@ from screw_module_ros.settings import Setting
 
 from .inbox import Inbox
 from .node import Node
-from .place import lock_device, runs
 from .states import ERROR, OK, Health, RateMeter, latency_values
 from .topics import Newest, offered, requested
 
@@ -51,6 +51,7 @@ class DriverNode(Node):
         self.parameters.declare_with(BusSettings, "can", channel=graph.bus_of(name))
         self.parameters.declare_with(RateSettings, rate=rate)
         self.bus_load = 0.0
+        self._told_makes = ""
 
     # For subclasses ------------------------------------------------------------------------
 
@@ -68,17 +69,22 @@ class DriverNode(Node):
     def configure_device(self, device: Any) -> None:
         """Configure a device; if it is another make than its profile says, tell which comes close.
 
-        Raises DeviceError.
+        A node tries again each second: the same table is told once. Raises DeviceError.
         """
         try:
             device.configure()
         except (Refused, NotConfigured):
             if isinstance(device, CanopenDevice):
                 with suppress(DeviceError):
-                    self.get_logger().error(device.likely_makes())
+                    self._tell_makes(device.likely_makes())
             raise
         for told in device.set_back if isinstance(device, CanopenDevice) else ():
             self.get_logger().warning(told)
+
+    def _tell_makes(self, table: str) -> None:
+        if table != self._told_makes:
+            self._told_makes = table
+            self.get_logger().error(table)
 
     def check_bus_load(self, traffic: list) -> None:
         """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/load.py`)."""

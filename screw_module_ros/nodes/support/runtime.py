@@ -27,6 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
+from screw_module_ros.locks import AlreadyRunning, Lock, lock_node
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.page import NoMemory
 from screw_module_ros.parameter_files import Sections, only_for_all, sections
@@ -34,7 +35,7 @@ from screw_module_ros.settings import SettingError
 
 from .arguments import NETWORK, Arguments, arguments
 from .node import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Node
-from .place import NETWORK_VARIABLE, AlreadyRunning, Lock, choose_transport, lock_node
+from .place import NETWORK_VARIABLE, choose_transport
 from .scheduling import RealtimeSettings, StartSettings, prepare, take_priority
 
 RCLError = rclpy_implementation.RCLError  # exported nowhere else

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers too many: the sign of two devices with one identifier.
+
+CAN lets two devices have one node id and tells nobody. Both obey each command, and of two answers
+the first counts, whichever it is of.
+"""
+
+from __future__ import annotations
+
+MANY = 50
+"""Answers too many that mean a second device: a cable that is disturbed repeats single frames."""
+_EASED = 0.25  # of one too many, by each answer that came when it was due
+
+
+class Surplus:
+    """A leaky bucket of answers that nobody asked for.
+
+    Answers that come late, after their time has counted as missed, are no surplus. A second device
+    fills the bucket within 70 of its answers.
+    """
+
+    def __init__(self) -> None:
+        self._level = 0.0
+        self._due = self._missed = 0
+
+    def restart(self, due: int = 0, missed: int = 0) -> None:
+        """Empty it; due, missed: the present numbers, see `note`."""
+        self._level = 0.0
+        self._due, self._missed = due, missed
+
+    def note(self, due: int, missed: int) -> bool:
+        """Take in one answer too many; return whether there have been too many of them.
+
+        due, missed: number of answers so far that came when they were due, and of those that did
+        not come then.
+        """
+        came, self._due = due - self._due, due
+        lost, self._missed = missed - self._missed, missed
+        level = self._level
+        eased = max(0.0, level - _EASED * came) if level > 0.0 else min(0.0, level + came)
+        self._level = eased - lost + 1.0
+        if self._level < MANY:
+            return False
+        self._level = 0.0
+        return True
+
+
+class Beats:
+    """Heartbeats of one device, of which each period [ns] brings one; two bring a surplus."""
+
+    def __init__(self) -> None:
+        self.period_ns = 0  # 0: unknown
+        self._surplus = Surplus()
+        self._due = self._missed = 0
+
+    def note(self, gap_ns: int) -> bool:
+        """Take in one that came gap_ns [ns] after the last; return whether two devices beat."""
+        if not self.period_ns:
+            return False
+        if 2 * gap_ns < self.period_ns:
+            return self._surplus.note(self._due, self._missed)
+        self._due += 1
+        self._missed += max(0, round(gap_ns / self.period_ns) - 1)
+        return False
