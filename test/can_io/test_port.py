@@ -278,3 +278,57 @@ def test_a_bus_of_messages_sends_and_receives_frames():
         frames_of(near).send_frame(0x7FF, b"\x01\x02")
         assert frames_of(far).receive_frame(0.0) == (0x7FF, b"\x01\x02")
         assert frames_of(far).receive_frame(0.0) is None
+
+
+# -- a bus that fails ------------------------------------------------------------------------------
+
+
+def test_a_failed_bus_is_opened_anew_on_request():
+    """As an adapter that was unplugged and is back: what was opened before stays dead."""
+    port = open_port(BusSettings("virtual", "unplugged"))
+    frames = []
+    port.subscribe(0x123, lambda data, arrival: frames.append(bytes(data)))
+    port.bus.shutdown()
+    for use in (lambda: port.send(0x1, b""), port.pump):
+        with pytest.raises(BusError, match="cannot (send|receive) on virtual unplugged.*adapter"):
+            use()
+    assert port.failed
+    port.restore()
+    assert not port.failed
+    with can.Bus(interface="virtual", channel="unplugged") as far:
+        port.send(0x1, b"\x07")
+        assert bytes(far.recv(1.0).data) == b"\x07"
+        far.send(can.Message(arbitration_id=0x123, data=b"\x08", is_extended_id=False))
+        assert pumped(port) == 1 and frames == [b"\x08"]
+    port.close()
+
+
+def test_a_bus_that_works_is_left_alone():
+    port = open_port(BusSettings("virtual", "healthy"))
+    bus = port.bus
+    port.restore()
+    assert port.bus is bus
+    port.close()
+
+
+def test_a_bus_that_cannot_be_opened_yet_is_tried_again(wire):
+    adapters = [BusError("no such device"), can.Bus(interface="virtual", channel="again")]
+
+    def plugged_in():
+        found = adapters.pop(0)
+        if isinstance(found, BusError):
+            raise found
+        return found
+
+    port = Port(can.Bus(interface="virtual", channel="again"), open_anew=plugged_in)
+    port.bus.shutdown()
+    with pytest.raises(BusError, match="cannot send"):
+        port.send(0x1, b"")
+    with pytest.raises(BusError, match="no such device"):
+        port.restore()
+    for use in (lambda: port.send(0x1, b""), port.pump):
+        with pytest.raises(BusError, match="it has failed and is not open"):
+            use()
+    port.restore()
+    port.send(0x1, b"")
+    port.close()

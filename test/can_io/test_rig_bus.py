@@ -198,6 +198,25 @@ def test_a_port_names_the_bus_and_goes_on_when_the_rig_is_back(hub, join, channe
     again.shutdown()
 
 
+def test_an_adapter_that_was_unplugged_is_back_for_who_opens_it_anew(hub, join, channel):
+    """As a USB adapter: the old socket of SocketCAN says for ever that the network is down."""
+    port = join(lambda: open_port(BusSettings(channel=channel)))
+    hub.plug(False)
+    for use in (port.pump, port.pump, lambda: port.send_sync(0)):
+        with pytest.raises(BusError, match="Network is down"):
+            use()
+    with pytest.raises(can.CanOperationError, match="acknowledge"):
+        hub.send(SYNC)
+    with pytest.raises(can.CanInitializationError, match="Network is down"):
+        join()
+    hub.plug(True)
+    with pytest.raises(BusError, match="Network is down"):
+        port.send_sync(0)
+    join(lambda: port.restore() or port)
+    port.send_sync(0)
+    assert same(hub.recv(5.0), SYNC)
+
+
 def test_a_member_that_does_not_read_holds_up_nobody(hub, join):
     stopped, reader = join(), join()
     sent = 0

@@ -65,6 +65,7 @@ class Kind(NamedTuple):
 KINDS = {kind.name: kind for kind in (
     Kind("cable_out", "CAN cable out, later back"),
     Kind("bus_off", "its CAN controller goes bus-off, later back"),
+    Kind("adapter_out", "the CAN adapter of its node is unplugged, later back"),
     Kind("mute", "it sends nothing, later it sends again"),
     Kind("truncate", "every frame loses its last byte"),
     Kind("lengthen", "every frame grows by a byte", GOES_ON, watch=0.3),
@@ -72,7 +73,7 @@ KINDS = {kind.name: kind for kind in (
     Kind("garbage", "payloads are random"),
     Kind("delay", "frames come 500 ms late", OFF, 500.0),
     Kind("drop", "every second frame is lost, at random", EITHER, 0.5, 0.5),
-    Kind("duplicate", "every frame comes twice", EITHER, watch=0.3),
+    Kind("duplicate", "every frame comes twice, as from two devices with its id", watch=0.3),
     Kind("reorder", "frames change places in pairs", EITHER, watch=0.3),
     Kind("delay", "frames come 3 ms late", EITHER, 3.0, 0.3),
     Kind("foreign_ids", "a foreign frame follows each of its own", GOES_ON, watch=0.3),
@@ -99,22 +100,25 @@ _BAD_JOINT = Report("manus", "drive (jumped|left operation enabled|gives .* of t
 # driver of the vertical drive also reads both joints.
 DEVICES = (
     Device("encoder", "impedance_controller", SILENT, _ENCODER, _BAD_ENCODER, (HOME, *MISSED),
-           ("cable_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
+           ("cable_out", "adapter_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
             "reorder", "delay-3ms", "flood")),
     Device("force_sensor", "impedance_controller", SILENT, _FORCE, _BAD_FORCE,
            (TARE, PLANE_CLEAR, *MISSED),
-           ("cable_out", "truncate", "garbage", "drop", "duplicate", "reorder", "delay-3ms",
-            "foreign_ids")),
+           ("cable_out", "adapter_out", "truncate", "garbage", "drop", "duplicate", "reorder",
+            "delay-3ms", "foreign_ids")),
     Device("drive", "amplifier; the drive itself", COMMAND + 2 + DYING, _DRIVE, _BAD_DRIVE,
            (CLEAR, *STOPPED),
-           ("cable_out", "bus_off", "mute", "truncate", "wrong_id", "garbage", "delay-500ms",
-            "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
+           ("cable_out", "adapter_out", "bus_off", "mute", "truncate", "wrong_id", "garbage",
+            "delay-500ms", "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
     Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _BAD_JOINT,
-           PLANE_BACK, ("cable_out", "bus_off", "garbage", "drop")),
+           PLANE_BACK, ("cable_out", "adapter_out", "bus_off", "garbage", "drop")),
     Device("elbow", "manus; the drive itself", COMMAND + 4 + DYING, _JOINT, _BAD_JOINT, PLANE_BACK,
            ("cable_out",)),
 )  # fmt: skip
 _PLANAR = ("shoulder", "elbow")
+_TWICE = 70
+"""Samples in which two answers for one are known to be no accident."""
+_NODES = {"drive": "amplifier"}
 _NOT_OURS = "no node: not our frames"
 
 
@@ -126,13 +130,19 @@ def _row(device: Device, kind: Kind) -> Row:
         return goes_on(name, GROUP, text, inject, who, mend, watch=kind.watch)
     report = device.garbage if kind.fault == "garbage" else device.report
     # A drive without commands drops its own torque; the other axes follow.
-    vertical, plane = within = device.within, device.within + VIA_SUPERVISOR
+    noticed, who = device.within, device.noticed_by
+    if kind.fault == "duplicate":
+        noticed, who = noticed + _TWICE, _NODES.get(device.name, device.name)
+        report = Report(who, "more than one device answers", who.partition("_")[0])
+    elif (kind.fault, device.name) == ("adapter_out", "shoulder"):
+        report = Report("manus", "cannot|drive|position", "manus")
+    vertical, plane = within = noticed, noticed + VIA_SUPERVISOR
     if kind.outcome == EITHER:
         report, vertical, plane = None, BY_CHANCE, BY_CHANCE
     elif device.name in _PLANAR:
         plane, vertical = within
     return Row(
-        name, GROUP, text, inject, report, device.services, device.noticed_by, vertical, plane,
+        name, GROUP, text, inject, report, device.services, who, vertical, plane,
         outcome=kind.outcome, mend=mend, watch=kind.watch,
     )  # fmt: skip
 

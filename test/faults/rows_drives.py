@@ -50,6 +50,7 @@ _FAULTS = {
              "RPDO|8250|8130|heartbeat|position|PRE-OPERATIONAL"),
     "rpdos_lost": ("only our RPDOs do not arrive: RPDO timeout", _SILENT, "RPDO|8250|position"),
     "reset": ("it restarts in operation", AT_ONCE, "restarted|boot-up|position"),
+    "hung": ("its communication hangs until it is reset", _SILENT, "silent|heartbeat|position"),
     "power_off": ("it loses its supply, later back", AT_ONCE,
                   "restarted|boot-up|heartbeat|position"),
     "stuck_torque": ("it gives a torque without a command", _STUCK, "torque|disagree|turns"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import resource
 import shutil
+import subprocess
+import sys
 
 from acts import both, called, published
 from fault_robot import SPRING
@@ -62,7 +64,20 @@ def _start_in_reverse(robot) -> None:
         robot.restart(node)
 
 
+def _check_hardware(robot) -> None:
+    """Run the command beside the robot: it must touch nothing, and say why it only listens."""
+    start = "from screw_module_ros.hardware.command import command; command()"
+    words = [sys.executable, "-c", start, "--simulation", "--move", "0", "--seconds", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        while process.poll() is None:  # until the row's deadline
+            robot.pause(0.05)
+        said = process.stdout.read()
+    assert said.count("only listened to") == len(graph.BUSES), said
+
+
 ROWS = [
+    goes_on("check_hardware-beside", GROUP, "check_hardware is run beside the moving robot",
+            _check_hardware, "check_hardware: it only listens to a bus in use", watch=0.3),
     goes_on("disk-full-while-recording", GROUP, "the disk is full while recording", _disk_full,
             _RECORDER, _disk_again, watch=0.5)._replace(
         report=Report(_RECORDER, "File too large|No space")),

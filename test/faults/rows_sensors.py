@@ -61,6 +61,7 @@ _ENCODER_FAULTS = (
     ("reset", 0, "restarts in operation", OFF, SILENT, _by_driver("encoder", "restarted"),
      _UNHOMED),
     ("power_off", 0, "loses its supply, later back", OFF, SILENT, _ENCODER, _UNHOMED),
+    ("hung", 0, "its communication hangs until it is reset", OFF, SILENT, _ENCODER, _UNHOMED),
     ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, SILENT,
      _by_driver("encoder", "3100"), _UNHOMED),
     ("pdos_lost", 0, "its PDOs stop, all else continues", OFF, SILENT, _ENCODER, MISSED),

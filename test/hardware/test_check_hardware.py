@@ -11,6 +11,7 @@ from loop_parts import twin_of
 from screw_module_ros.can_io.bus import BusSettings, where
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.makes import node_parameters
+from screw_module_ros.graph import bus_of as bus_of_node
 from screw_module_ros.hardware import command, devices, exchange, machine
 from screw_module_ros.hardware.command import NODES, settings, values_of
 from screw_module_ros.hardware.devices import Bus
@@ -188,7 +189,7 @@ def test_a_device_that_waits_is_no_traffic(bench):
 def test_a_device_that_a_node_drives_is_not_asked(bench, monkeypatch):
     """Nor are others on its bus, which is silent as long as the node is not active."""
     monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
-    settings_ = BusSettings(channel="manus")
+    settings_ = BusSettings(channel=bus_of_node("manus"))
     before = bench.ports["planar"].counters["sent"]
     held = lock_device(where(settings_), "drive node 4")
     try:
@@ -208,7 +209,7 @@ def test_no_node_starts_meanwhile(bench, monkeypatch):
         stack.callback(lambda: None)
         for claim in ("drive node 3", "drive node 4", "master 113"):
             with pytest.raises(AlreadyRunning, match=claim):
-                lock_device(where(BusSettings(channel="manus")), claim)
+                lock_device(where(BusSettings(channel=bus_of_node("manus"))), claim)
 
 
 def test_two_devices_with_one_node_id(bench):
