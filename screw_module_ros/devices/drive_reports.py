@@ -240,7 +240,7 @@ class DriveReports(CanopenDevice):
 
     def doubled(self, shown: str) -> None:
         """Latch that more than one device obeys our commands."""
-        self.logic.latch(f"{self._twins(shown)}, then clear the fault")
+        self.logic.latch(self._twins(shown))
 
     def _on_sync(self, _data: bytes, _arrival_ns: int) -> None:
         self._syncs_owed += 1

@@ -301,7 +301,7 @@ class Encoder(CanopenDevice):
 
     def doubled(self, shown: str) -> None:
         """Stop delivering samples: nobody can say of which encoder they are."""
-        self._lose_configuration(f"{self._twins(shown)}, clear the fault, then home")
+        self._lose_configuration(self._twins(shown))
 
     def _lose_configuration(self, why: str) -> None:
         self.intact = self.running = False

@@ -100,8 +100,8 @@ _BAD_JOINT = Report("manus", "drive (jumped|left operation enabled|gives .* of t
 # driver of the vertical drive also reads both joints.
 DEVICES = (
     Device("encoder", "impedance_controller", SILENT, _ENCODER, _BAD_ENCODER, (HOME, *MISSED),
-           ("cable_out", "adapter_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
-            "reorder", "delay-3ms", "flood")),
+           ("cable_out", "adapter_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop",
+            "duplicate", "reorder", "delay-3ms", "flood")),
     Device("force_sensor", "impedance_controller", SILENT, _FORCE, _BAD_FORCE,
            (TARE, PLANE_CLEAR, *MISSED),
            ("cable_out", "adapter_out", "truncate", "garbage", "drop", "duplicate", "reorder",

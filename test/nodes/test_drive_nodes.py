@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.devices.errors import NotAnswering
+from screw_module_ros.devices.errors import NotAnswering, Refused
 from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import drives, topics
@@ -24,6 +24,7 @@ from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.nodes.support.topics import too_many_senders
 from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
 from screw_module_ros.settings import SettingError
+from screw_module_ros.trials.one_thread import Bench
 
 LONGEST_S = 20.0
 MS = 1_000_000
@@ -230,3 +231,20 @@ def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
     monkeypatch.setattr(node, "drive_health", lambda values, state: values)
     share = 0.1 / node._chain.limits.continuous**2
     assert node.health()["motor heat [%]"] == f"{100.0 * share:.0f}"
+
+
+def test_the_table_of_profiles_is_told_once(make_node, monkeypatch):
+    """A node tries to configure its devices again each second."""
+    told = []
+    node = make_node("amplifier")
+    monkeypatch.setattr(node.get_logger(), "error", told.append)
+    bench = Bench()
+    dictionary = bench.rig.devices["drive"].node.object_dictionary
+    del dictionary.indices[0x6076]
+    bench.clock.sleep(0.1)
+    for _ in range(3):
+        with pytest.raises(Refused, match="6076"):
+            node.configure_device(bench.drive)
+    bench.close()
+    (table,) = told
+    assert "profiles closest to the drive" in table
