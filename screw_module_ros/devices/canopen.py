@@ -243,7 +243,8 @@ class CanopenDevice:
         """Return what to say of two devices with one node id. shown: by what."""
         return (
             f"more than one device answers as the {self.label} (node id {self.settings.node_id}) "
-            f"on {self._port.name}: {shown}; leave one of them on the bus, give it another id, then clear the fault"
+            f"on {self._port.name}: {shown}; leave one of them on the bus, give it another id, "
+            "then clear the fault"
         )
 
     def _identify(self) -> None:
