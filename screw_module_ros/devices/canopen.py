@@ -134,11 +134,13 @@ class CanopenDevice:
     def configure(self) -> None:
         """Find the device and configure it as the settings say; blocking, without NMT start.
 
-        One that was lost, or does not answer, is told first to reset its communication. Raises
-        Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
+        One that was lost, or does not answer, is told first to reset its communication. A bus that
+        has failed is opened anew. Raises Occupied, NotAnswering, WrongDevice, Refused,
+        NotConfigured, BusError.
         """
         self.running = self.intact = False
         self.set_back = []
+        self._port.restore()
         self.refuse_others()
         self.sdo.count_anew()
         try:

@@ -124,6 +124,7 @@ class ForceSensor:
         """
         settings = self.settings
         self._running = False
+        self._port.restore()
         if self._port.listen({self._request_id: self._is_poll}, settings.listen) is not None:
             raise Occupied(
                 f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
