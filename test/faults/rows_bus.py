@@ -116,7 +116,7 @@ DEVICES = (
            ("cable_out",)),
 )  # fmt: skip
 _PLANAR = ("shoulder", "elbow")
-_TWICE = 70
+_TWICE = 100
 """Samples in which two answers for one are known to be no accident."""
 _NODES = {"drive": "amplifier"}
 _NOT_OURS = "no node: not our frames"
