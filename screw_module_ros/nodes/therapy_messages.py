@@ -13,6 +13,7 @@ from screw_module_ros.therapy.hand import HandSample, Point
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.measures import COLUMNS, Row
 from screw_module_ros.therapy.session import Session
+from screw_module_ros.therapy.smoothness import JERK_CUTOFF
 from screw_module_ros.therapy.trial import Phase
 
 _S = 1_000_000_000
@@ -64,7 +65,9 @@ def fill_state(
 def result_message(result: Row, patient: str, protocol: str) -> TrialResult:
     """Return a trial's result as a message, without header."""
     values = {name: result[name] for name in COLUMNS}
-    message = TrialResult(patient=patient, protocol=protocol, **values)
+    message = TrialResult(
+        patient=patient, protocol=protocol, jerk_cutoff=JERK_CUTOFF, **values
+    )
     _fill_points(message, result["start"], result["target"])
     message.started.sec, message.started.nanosec = divmod(result["started_ns"], _S)
     message.ended.sec, message.ended.nanosec = divmod(result["ended_ns"], _S)

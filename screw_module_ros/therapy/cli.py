@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,11 @@ from .recorded import Recorded, in_order, read_sessions, without_copies
 from .replay import replayed
 
 LEADING = (
-    "patient", "protocol", "protocol_sha256", "started_ns",
+    "patient", "protocol", "protocol_sha256", "started", "started_ns", "simulated", "jerk_cutoff",
     "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
 )  # fmt: skip
-"""Columns of the export in front of the figures."""
+"""Columns of the export in front of the figures; started: ISO 8601, local time with its offset."""
+BOM = "\ufeff"
 
 
 def add_commands(commands: argparse._SubParsersAction) -> None:
@@ -44,6 +46,11 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
         if several:
             text = "output folder; a folder per patient is made in it"
             command.add_argument("--out", type=Path, required=True, help=text, metavar="FOLDER")
+        if run is _export:
+            text = "decimal commas and semicolons between columns, as many spreadsheets read it"
+            command.add_argument("--decimal-comma", action="store_true", help=text)
+            text = "a byte order mark in front, by which spreadsheets know UTF-8"
+            command.add_argument("--bom", action="store_true", help=text)
         command.set_defaults(run=run)
 
 
@@ -85,19 +92,24 @@ def _export(options: argparse.Namespace) -> int:
     for patient, own in rows.items():
         with _writing(options.out):
             folder = patient_folder(options.out, patient)
-            replace(folder / "trials.csv", csv_text((*LEADING, *COLUMNS), own), private=True)
-            replace(folder / "columns.csv", columns_text(), private=True)
+            for name, columns, table in (
+                ("trials.csv", (*LEADING, *COLUMNS), own), ("columns.csv", _MEANING, _meaning())
+            ):  # fmt: skip
+                text = csv_text(columns, table, options.decimal_comma)
+                replace(folder / name, BOM + text if options.bom else text, private=True)
         print(folder / "trials.csv")
     return 0
 
 
 def _exported(session: Recorded) -> list[dict]:
-    """Return the rows of a session, with patient, protocol, start and target."""
+    """Return the rows of a session, with patient, protocol, date, start and target."""
     return [
         {
             "patient": session.patient,
             "protocol": session.protocol.name,
             "protocol_sha256": session.protocol_sha256,
+            "started": _iso(session.local(row["started_ns"])),
+            "simulated": session.is_simulated,
             **{f"{name}_{axis}": value for name in ("start", "target")
                for axis, value in zip("xyz", row[name], strict=True)},
             **row,
@@ -106,36 +118,54 @@ def _exported(session: Recorded) -> list[dict]:
     ]  # fmt: skip
 
 
-def csv_text(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+def _iso(time: datetime | None) -> str:
+    """Return a time in ISO 8601, empty for none."""
+    return "" if time is None else time.isoformat(timespec="milliseconds")
+
+
+def csv_text(
+    columns: Sequence[str], rows: Sequence[dict[str, Any]], decimal_comma: bool = False
+) -> str:
     """Return rows as CSV; SI units, empty for NaN.
 
-    Numbers have all digits: reading them gives the same bits.
+    decimal_comma: in numbers; columns are then separated by semicolons. Numbers have all digits:
+    reading them gives the same bits.
     """
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
+    separator = ";" if decimal_comma else ","
+    writer = csv.writer(stream, lineterminator="\n", delimiter=separator)
     writer.writerow(columns)
-    writer.writerows([_cell(row[name]) for name in columns] for row in rows)
+    writer.writerows([_cell(row[name], decimal_comma) for name in columns] for row in rows)
     return stream.getvalue()
 
 
-def columns_text() -> str:
+_MEANING = ("column", "label", "factor", "unit", "definition")
+
+
+def _meaning() -> list[dict[str, Any]]:
     """Return what the measures among the columns mean: a value times `factor` is in `unit`."""
-    names = ("column", "label", "factor", "unit", "definition")
     rows = [(m.name, m.label, m.factor, m.unit, m.text) for m in MEASURES]
-    return csv_text(names, [dict(zip(names, row, strict=True)) for row in rows])
+    return [dict(zip(_MEANING, row, strict=True)) for row in rows]
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, decimal_comma: bool) -> str:
     if isinstance(value, bool):
         return str(int(value))
-    return "" if isinstance(value, float) and math.isnan(value) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    text = "" if math.isnan(value) else str(value)
+    return text.replace(".", ",") if decimal_comma else text
 
 
 def _read(bag: Path) -> list[Recorded]:
+    remarks: list[str] = []
     try:
-        return read_sessions(bag)
+        return read_sessions(bag, remarks)
     except ValueError as error:  # of the protocol in it
         raise BagError(str(error)) from None
+    finally:
+        for remark in remarks:
+            print(f"NOTE {remark}", file=sys.stderr)
 
 
 @contextmanager

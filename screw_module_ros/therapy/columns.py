@@ -14,6 +14,7 @@ from ..control.minimum_jerk import way
 from .hand import AXES, HandSample, Point, speed_of
 from .kinematics import moving, ratio, work_done
 from .line import Line
+from .smoothness import low_passed_speed
 
 
 @dataclass
@@ -63,6 +64,16 @@ class Trial:
     def speed(self) -> np.ndarray:
         """Speed of the movement [m/s]."""
         return self.all_speed[self.movement]
+
+    @cached_property
+    def smooth_speed(self) -> np.ndarray:
+        """Speed of the movement behind a low pass [m/s], for what is a derivative of it."""
+        path = np.array([self.on_axes(s.position) for s in self.samples])
+        begin, last = (
+            round(float(self.times[place]) * self.rate)
+            for place in (self.movement.start, self.movement.stop - 1)
+        )
+        return low_passed_speed(self.times, path)[begin : last + 1]
 
     @cached_property
     def path(self) -> np.ndarray:

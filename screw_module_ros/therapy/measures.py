@@ -29,7 +29,7 @@ from .kinematics import (
     time_in_motion,
 )
 from .protocol import CIRCLE, HOLD, KINDS, REACH, RESISTED, STRENGTH
-from .smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
+from .smoothness import JERK_CUTOFF, dimensionless_jerk, log_dimensionless_jerk, sparc
 
 Row = dict[str, Any]
 """Result of a trial by name, in SI units: `COLUMNS`, and `start`, `target`, `started_ns`,
@@ -62,6 +62,12 @@ def _reach_error(trial: Trial) -> float:
 def _hold_deviation(trial: Trial) -> float:
     return hold_deviation(np.array([trial.on_axes(s.position) for s in trial.during]),
                           trial.ends[0])  # fmt: skip
+
+
+def _of_smooth(measure: Callable[[np.ndarray, float], float], trial: Trial) -> float:
+    """Return a measure with derivatives of the speed, NaN if the rate is too low for it."""
+    speed = trial.smooth_speed
+    return measure(speed, trial.rate) if np.all(np.isfinite(speed)) else math.nan
 
 
 class Measure(NamedTuple):
@@ -160,11 +166,13 @@ MEASURES = (
         f"(Balasubramanian et al. 2012, 2015). {_SMOOTH}",
     ),
     Measure(
-        "jerk", "dimensionless jerk", "", 1.0, MOVED, lambda t: dimensionless_jerk(t.speed, t.rate),
-        "-(T³/vpeak²) times the integral of the speed's squared second derivative. " + _SMOOTH,
+        "jerk", "dimensionless jerk", "", 1.0, MOVED,
+        lambda t: _of_smooth(dimensionless_jerk, t),
+        "-(T³/vpeak²) times the integral of the speed's squared second derivative; the speed is "
+        f"that of positions behind a low pass without phase, of {JERK_CUTOFF:g} Hz. {_SMOOTH}",
     ),
     Measure(
-        "log_jerk", "LDLJ", "", 1.0, MOVED, lambda t: log_dimensionless_jerk(t.speed, t.rate),
+        "log_jerk", "LDLJ", "", 1.0, MOVED, lambda t: _of_smooth(log_dimensionless_jerk, t),
         "-ln of the size of the dimensionless jerk. " + _SMOOTH,
     ),
     Measure(
@@ -237,6 +245,10 @@ COLUMNS = (
     "initiated", "reached", "moved", "first", "last", "samples", "missing", "rate", *COMPUTED,
 )  # fmt: skip
 """Fields of a result without its points and stamps, in the order of the export."""
+
+
+FILTERED = ("jerk", "log_jerk")
+"""Measures behind a low pass, whose cut-off a result states; earlier versions had none."""
 
 
 def computed(trial: Trial) -> dict[str, float]:

@@ -5,23 +5,27 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from datetime import datetime
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timedelta, timezone
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import graph
 from ..recording.bag import BagError
+from ..recording.counts import parameter
 from ..recording.decoded import read_bag, topics
+from ..recording.recorder import CLOCK, PARAMETERS
+from ..recording.records import notes
 from .hand import HandSample, hand_sample, ns_of
-from .measures import COLUMNS, Row
+from .measures import COLUMNS, FILTERED, Row
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
 from .session import State
 
 _S = 1_000_000_000
-_SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
+_SIMULATED_S = 365 * 86400  # a bag that does not tell is simulated below this stamp
+_TELLING = ("therapy_session", "endpoint_state", "session_recorder")  # of which clock stamps are
 _ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 _DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
@@ -41,7 +45,9 @@ class Recorded(NamedTuple):
 
     folder: of the bag; patient: pseudonym; protocol; acts; trials: results; changes: of assistance,
     by the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
-    executed YAML, hexadecimal, empty if the bag lacks it.
+    executed YAML, hexadecimal, empty if the bag lacks it. recorded_at: local time at which the
+    recording began, with its offset from UTC; use_sim_time: of the session's nodes; both None if
+    the bag does not tell, as those of older versions and other recorders.
     """
 
     folder: Path
@@ -52,28 +58,39 @@ class Recorded(NamedTuple):
     changes: list[dict[str, Any]]
     samples: list[HandSample]
     protocol_sha256: str = ""
+    recorded_at: datetime | None = None
+    use_sim_time: bool | None = None
 
     @property
     def is_simulated(self) -> bool:
         """Return whether its stamps are those of a rig, which begin anew with each start of it."""
+        if self.use_sim_time is not None:
+            return self.use_sim_time
         return 0 <= self._stamp_ns < _SIMULATED_S * _S
 
     @property
-    def begun(self) -> float | None:
-        """Return its beginning [s since the epoch]: by stamp, or by folder name if simulated.
+    def begun(self) -> datetime | None:
+        """Return the local time of its beginning, None if nothing tells it; see `local`."""
+        return self.local(self._stamp_ns)
 
-        The session's node names the folder by date and time; None if somebody has renamed it.
+    def local(self, stamp_ns: int) -> datetime | None:
+        """Return the local time of a stamp [ns] where it was recorded, None if nothing tells it.
+
+        Stamps of the system clock are shown with the offset that the bag states, without one in
+        UTC. Simulated ones count from the beginning of the recording; where the bag does not state
+        it, the folder's name has it, which is a local time without an offset, unless it was
+        renamed.
         """
         if not self.is_simulated:
-            return self._stamp_ns / _S
-        found = _DATE.search(self.folder.resolve().name)
-        try:
-            return datetime.strptime(found[0], "%Y_%m_%d-%H_%M_%S").timestamp() if found else None
-        except ValueError:  # no date
+            zone = self.recorded_at.tzinfo if self.recorded_at else timezone.utc
+            return datetime.fromtimestamp(stamp_ns / _S, zone)
+        begun = self.recorded_at or _named_date(self.folder)
+        if begun is None:
             return None
+        return begun + timedelta(microseconds=(stamp_ns - self._stamp_ns) // 1000)
 
     @property
-    def identity(self) -> tuple[str, str, float | None, int]:
+    def identity(self) -> tuple[str, str, datetime | None, int]:
         """Return what a copy of the bag has in common with it, and no other session has."""
         return self.patient, self.protocol_sha256, self.begun, self._stamp_ns
 
@@ -84,10 +101,31 @@ class Recorded(NamedTuple):
         return self.samples[0].stamp_ns if self.samples else 0
 
 
+def _named_date(folder: Path) -> datetime | None:
+    """Return the local time in a folder's name, which the session's node gives it, or None."""
+    found = _DATE.search(folder.resolve().name)
+    try:
+        return datetime.strptime(found[0], "%Y_%m_%d-%H_%M_%S") if found else None
+    except ValueError:  # no date
+        return None
+
+
+def _told(folder: Path) -> tuple[datetime | None, bool | None]:
+    """Return when the recording began, and whether its stamps are simulated, if a bag tells it."""
+    told = notes(folder)
+    try:
+        begun = datetime.fromisoformat(told.get(CLOCK, {}).get("begun", ""))
+    except ValueError:
+        begun = None
+    values = [parameter(told.get(PARAMETERS, {}), node, "use_sim_time") for node in _TELLING]
+    known = [value for value in values if isinstance(value, bool)]
+    return begun if begun and begun.tzinfo else None, any(known) if known else None
+
+
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
     """Return sessions by their begins; in the given order if that of one is unknown."""
     dated = sorted(
-        (begun, place)
+        (begun if begun.tzinfo else begun.replace(tzinfo=timezone.utc), place)
         for place, session in enumerate(sessions)
         if (begun := session.begun) is not None
     )
@@ -110,30 +148,32 @@ def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[s
     return list(found.values()), notes
 
 
-def read_sessions(folder: Path | str) -> list[Recorded]:
+def read_sessions(folder: Path | str, remarks: list[str] | None = None) -> list[Recorded]:
     """Return the sessions in a bag, in order; a bag of an older version may contain several.
 
-    Raises BagError if the bag cannot be read, contains no session or a protocol that does not
-    match its hash, SettingError if its protocol is invalid.
+    remarks: gets what `read_bag` remarks. Raises BagError if the bag cannot be read, contains no
+    session or a protocol that does not match its hash, SettingError if its protocol is invalid.
     """
     folder = Path(folder)
     names = _names(folder)
-    states = _in_time([m.message for m in read_bag(folder, [names[_STATE]])])
+    found: dict[str, list[Any]] = {name: [] for name in names.values()}
+    for each in read_bag(folder, found, remarks):
+        found[each.topic].append(each.message)
+    states = _in_time(found[names[_STATE]])
     begins = [index for index, state in enumerate(states) if state.definition]
     if not begins:
         raise BagError(f"{folder}: no therapy session begins in it")
     parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
-    trials, changes = (
-        [m.message for m in _read(folder, names, name)] for name in (_TRIAL, _ASSISTANCE)
-    )
-    hands = _in_time([m.message for m in read_bag(folder, [names[_HAND]])])
+    trials, changes = (found.get(names.get(name, ""), []) for name in (_TRIAL, _ASSISTANCE))
+    hands = _in_time(found[names[_HAND]])
+    recorded_at, use_sim_time = _told(folder)
     return [
         _session(
             folder, part,
             [_trial(m) for m in trials if begin <= ns_of(m.header.stamp) < end],
             [_change(m) for m in changes if begin <= ns_of(m.header.stamp) < end],
             [m for m in hands if begin - _S <= ns_of(m.header.stamp) < end],
-        )
+        )._replace(recorded_at=recorded_at, use_sim_time=use_sim_time)
         for part, (begin, end) in zip(parts, _spans(parts), strict=True)
     ]  # fmt: skip
 
@@ -202,10 +242,6 @@ def _has_session(folder: Path, robot: str) -> bool:
     return any(m.message.definition for m in read_bag(folder, [robot + _STATE]))
 
 
-def _read(folder: Path, names: dict[str, str], name: str) -> Iterator[Any]:
-    return read_bag(folder, [names[name]]) if name in names else iter(())
-
-
 def _acts(states: list[Any], patient: str) -> list[Act]:
     """Return the changes of the state, each with the sample after which it began."""
     acts: list[Act] = []
@@ -219,8 +255,13 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
 
 
 def _trial(message: Any) -> Row:
-    # A bag of an earlier version lacks the measures that came later.
-    row = {name: getattr(message, name, None) for name in COLUMNS}
+    row: Row = {name: getattr(message, name, math.nan) for name in COLUMNS}
+    row["jerk_cutoff"] = getattr(message, "jerk_cutoff", 0.0)
+    lacking = {name for name in COLUMNS if not hasattr(message, name)}
+    if not row["jerk_cutoff"]:  # an earlier version, whose jerk was that of the encoders' steps
+        row |= dict.fromkeys(FILTERED, math.nan)
+        lacking |= set(FILTERED)
+    row["unmeasured"] = tuple(name for name in COLUMNS if name in lacking)
     row["start"], row["target"] = _point(message.start), _point(message.target)
     row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
     return row

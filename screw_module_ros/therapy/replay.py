@@ -43,7 +43,8 @@ class Replay(NamedTuple):
 
     results: of the trials, computed again; gaps: samples missing in the recording while the session
     ran; samples: number of recorded ones; problems: one sentence for each difference, empty if all
-    results are equal; unseen: recorded samples that the session counted as missing.
+    results are equal; unseen: recorded samples that the session counted as missing; uncompared:
+    measures that the version which recorded it did not have, or computed otherwise.
     """
 
     results: list[Row]
@@ -51,12 +52,15 @@ class Replay(NamedTuple):
     samples: int
     problems: list[str]
     unseen: int = 0
+    uncompared: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
         """Return the outcome in one sentence."""
         if not self.problems:
-            return f"equal: {len(self.results)} trials from {self.samples} samples, bit for bit"
+            equal = f"equal: {len(self.results)} trials from {self.samples} samples, bit for bit"
+            less = ", ".join(self.uncompared)
+            return f"{equal}; an older version has no {less} to compare" if less else equal
         missing = sum(gap.missing for gap in self.gaps)
         lost = f"{missing} samples missing" if missing else "no sample missing in the recording"
         if self.unseen:
@@ -102,7 +106,8 @@ def replay(
     problems += _compared(_TRIAL, recorded, results)
     if changes is not None:
         problems += _compared(_CHANGE, changes, adapted)
-    return Replay(results, gaps, len(used), problems, sum(unseen.values()))
+    uncompared = dict.fromkeys(name for row in recorded for name in row.get("unmeasured", ()))
+    return Replay(results, gaps, len(used), problems, sum(unseen.values()), tuple(uncompared))
 
 
 def _again(
@@ -172,11 +177,14 @@ def _compared(
 
 
 def _differing(old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    """Return one phrase for each value that differs; NaN equals NaN."""
+    """Return one phrase for each value that differs; what is unmeasured is left out."""
+    unmeasured = old.get("unmeasured", ())
     return [
         f"{name} {old[name]!r} recorded, {new[name]!r} replayed"
         for name in names
-        if old[name] != new[name] and not (_is_nan(old[name]) and _is_nan(new[name]))
+        if name not in unmeasured
+        and old[name] != new[name]
+        and not (_is_nan(old[name]) and _is_nan(new[name]))
     ]
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime, timezone
 from statistics import median
 from typing import NamedTuple
 
@@ -141,13 +140,18 @@ def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
 
 
 def date_of(recorded: Recorded) -> str:
-    """Return when the session began (UTC), in simulated time by the folder's name."""
+    """Return when the session began: local time with its offset from UTC, without one UTC.
+
+    That of a simulated session without an offset is the local time in the folder's name.
+    """
     if not recorded.trials:
         return "no trial"
     begun = recorded.begun
     if begun is None:
         return "simulated"
-    date = datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
+    date = f"{begun:%Y-%m-%d %H:%M}"
+    if recorded.recorded_at:
+        date = f"{date} {begun.isoformat()[-6:]}"
     return f"{date}, simulated" if recorded.is_simulated else date
 
 

@@ -93,10 +93,18 @@ def played(
 
 
 def write_bag(
-    folder: Path, sessions: list[Played], keep: Callable[[HandSample], bool] = lambda _: True
+    folder: Path,
+    sessions: list[Played],
+    keep: Callable[[HandSample], bool] = lambda _: True,
+    notes: dict[str, dict[str, str]] | None = None,
 ) -> Path:
-    """Write sessions into one bag, one after the other. keep: of the samples."""
+    """Write sessions into one bag, one after the other. keep: of the samples; notes: as recorded.
+
+    Messages are in the order of the system clock, as a recorder of an older version sorted them.
+    """
     writer, definitions = Bag(folder), Definitions()
+    for note in (notes or {}).items():
+        writer.note(*note)
     kinds = {name: graph.TOPICS[name].type for name in TOPICS}
     channels = {
         robot + name: writer.add_topic(Topic(robot + name, kind, definitions.find(kind)))
