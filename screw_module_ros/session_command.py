@@ -45,21 +45,26 @@ def _parser() -> argparse.ArgumentParser:
         (
             "recover",
             _recover,
-            "copy what can be read of a bag, unfinished or damaged, into the new NAME_recovered",
+            "copy what can be read of a bag, unfinished or damaged, into the new NAME_recovered; "
+            "exit code 1 if the bag states more messages than can be read",
         ),
     ):
         command = commands.add_parser(name, help=text, description=text)
-        command.add_argument("bag", type=Path, help="folder of the bag")
-        command.set_defaults(run=lambda options, run=run: run(options.bag))
+        command.add_argument("bag", type=Path, help="folder of the bag, or its file")
+        command.set_defaults(run=run)
+        if run is _recover:
+            text = "folder for NAME_recovered, by default the one that the bag is in"
+            command.add_argument("--out", type=Path, help=text, metavar="FOLDER")
     add_commands(commands)
     return parser
 
 
-def _info(bag: Path) -> int:
-    report = verify(bag)
+def _info(options: argparse.Namespace) -> int:
+    report = verify(options.bag)
     _print_topics(report)
+    print(f"duration: {report.duration:.1f} s")
     try:
-        named = calibrations(bag)
+        named = calibrations(options.bag)
     except BagError:  # unfinished or damaged, as `verify` says
         named = {}
     for name, values in {"calibration": named, **report.notes}.items():
@@ -69,8 +74,8 @@ def _info(bag: Path) -> int:
     return 0
 
 
-def _verify(bag: Path) -> int:
-    report = verify(bag)
+def _verify(options: argparse.Namespace) -> int:
+    report = verify(options.bag)
     _print_topics(report)
     for remark in report.remarks:
         print(f"NOTE {remark}")
@@ -83,11 +88,11 @@ def _verify(bag: Path) -> int:
     return 0 if report.complete else 1
 
 
-def _recover(bag: Path) -> int:
-    found = recover(bag)
+def _recover(options: argparse.Namespace) -> int:
+    found = recover(options.bag, options.out)
     print(*(f"PROBLEM {problem}" for problem in found.problems),
           f"{found.folder}: {found.messages} messages", sep="\n")  # fmt: skip
-    return 0
+    return 1 if found.missing else 0
 
 
 def _print_topics(report: Report) -> None:

@@ -2,8 +2,9 @@
 """`session_recorder`: records topics as a rosbag2 bag (MCAP) and reports what is missing in it.
 
 What was written is on the disk within a second, whatever happens to this process (see
-`screw_module_ros.recording`). A full disk or an unwritable folder ends the recording but not the
-node; `~/status` and diagnostics show the reason until the next `~/start`.
+`screw_module_ros.recording`). While the disk is full, messages wait in memory; the recording goes
+on when there is room again. A folder that is deleted or cannot be written ends the recording but
+not the node; `~/status` and diagnostics show the reason until the next `~/start`.
 
 The name of a bag may be a patient's: `~/status` and the answers of the services tell it, log and
 diagnostics do not.
@@ -81,6 +82,7 @@ class SessionRecorder(Node):
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
+        self._is_held = False
         self._lock = threading.Lock()  # the loop takes messages, or services change the recording
         self.serve(Trigger, "~/start", lambda _: self._on_start(self._named()))
         self.serve(StartRecording, "~/record", lambda request: self._on_start(request.name))
@@ -144,7 +146,7 @@ class SessionRecorder(Node):
             with self._lock:
                 self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
                 self._asked = NodeParameters(self)
-                self._folder, self._taps = taps.recording.folder, taps
+                self._folder, self._taps, self._is_held = taps.recording.folder, taps, False
             self._asked.ask()
             self.get_logger().info("recording")
             return ""
@@ -159,14 +161,17 @@ class SessionRecorder(Node):
         storage = self.parameters.read(StorageSettings, "storage")
         parent = self._parent()
         if name:
-            return Recording(Bag(parent / one_name(name, "name"), storage), storage)
+            return self._recording(parent / one_name(name, "name"), storage)
         name = datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
         for number in range(2, _MOST_IN_A_SECOND):
             try:
-                return Recording(Bag(parent / name, storage), storage)
+                return self._recording(parent / name, storage)
             except BagExistsError:
                 name = f"{name[:_STAMP_LENGTH]}_{number}"
-        return Recording(Bag(parent / name, storage), storage)
+        return self._recording(parent / name, storage)
+
+    def _recording(self, folder: Path, storage: StorageSettings) -> Recording:
+        return Recording(Bag(folder, storage), storage, clock=self.clock)
 
     def _begun(self, recording: Recording) -> Taps:
         """Start the recording's thread and subscribe; on an error close the bag and raise it."""
@@ -201,7 +206,7 @@ class SessionRecorder(Node):
             taps.recording.note(REFUSED, dict(taps.refused))
 
     def _on_start(self, name: str) -> str:
-        if self._taps is not None and not self._taps.recording.status().error:
+        if self._taps is not None and self._taps.recording.status().records:
             return f"already recording to {self._folder}: stop that first"
         self._stop()
         self._refusal = self._start(name)
@@ -221,7 +226,8 @@ class SessionRecorder(Node):
 
     def _each_second(self) -> None:
         taps = self._taps
-        if taps is not None and not taps.recording.status().error:
+        if taps is not None and not (status := taps.recording.status()).error:
+            self._tell_held(status)
             try:
                 taps.look()
                 self._asked.ask()
@@ -232,6 +238,16 @@ class SessionRecorder(Node):
         health.values["bag"] = self._folder or ""
         name = self.get_fully_qualified_name()
         self._status.publish(health.status(name, self.hardware_id))
+
+    def _tell_held(self, status: Status) -> None:
+        """Log when nothing reaches the disk, and when it does again, with what was lost."""
+        if bool(status.held) != self._is_held:
+            self._is_held = bool(status.held)
+            if self._is_held:
+                self.get_logger().error(f"{status.held}; messages wait in memory")
+            else:
+                lost = f"{status.dropped} messages were not written"
+                self.get_logger().warning(f"the disk has room, the recording goes on: {lost}")
 
     def _hindrance(self) -> str:
         """Return why `~/start` would fail to create a bag, empty if no reason is known."""
@@ -253,7 +269,7 @@ class SessionRecorder(Node):
         """Report whether a recording runs and what is missing in it."""
         taps = self._taps
         status = self._last if taps is None else taps.recording.status()
-        values: dict[str, object] = {"recording": bool(taps and status and not status.error)}
+        values: dict[str, object] = {"recording": bool(taps and status and status.records)}
         refusal = self._refusal or ("" if taps else self._hindrance())
         if status is None:
             return Health(ERROR if refusal else OK, refusal or "not recording", values)
@@ -266,8 +282,8 @@ class SessionRecorder(Node):
         values |= {name: counts.as_text() for name, counts in status.audit.items()}
         refused = taps.refused if taps is not None else {}
         values |= {f"not recorded: {name}": why for name, why in refused.items()}
-        if refusal or status.error:
-            return Health(ERROR, refusal or status.error, values)
+        if why := refusal or status.error or status.held:
+            return Health(ERROR, why, values)
         level = WARN if status.dropped or refused else OK
         return Health(level, status.summary(), values)
 

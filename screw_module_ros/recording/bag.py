@@ -29,7 +29,8 @@ PREFIX = "screw_module_ros/"
 STATE, HASHES = "state", "sha256"
 CLOSED, RECOVERED = "closed", "recovered"
 METADATA_FILE = "metadata.yaml"
-_LIBRARY = "screw_module_ros"
+LIBRARY = "screw_module_ros"
+"""Our name in the header of a file."""
 _VERSION = 9  # of metadata.yaml in Jazzy
 _MASK = 0xFFFFFFFF
 
@@ -40,6 +41,10 @@ class BagError(Exception):
 
 class BagExistsError(BagError):
     """A bag of this name exists: the recorder never overwrites."""
+
+
+class BagFullError(BagError):
+    """The disk has no room at present: what was written waits in memory, and can be tried again."""
 
 
 class Topic(NamedTuple):
@@ -83,14 +88,15 @@ class StorageSettings(NamedTuple):
     ] = 100 * 2**20
     min_free_space: Annotated[
         int,
-        Setting("free disk space below which the recording is closed", "B", 0, 2**40, live=True),
+        Setting("free disk space below which the file is closed; a new one begins at twice as much",
+                "B", 0, 2**40, live=True),
     ] = 50 * 2**20  # fmt: skip
 
 
 class Bag:
     """Writes one bag. Not thread-safe: `recorder.Recording` gives it a thread of its own.
 
-    topics: by channel, from 1. message_count: on the disk.
+    topics: by channel, from 1. message_count: on the disk. rests: between `rest` and `go_on`.
     """
 
     def __init__(self, folder: Path | str, settings: StorageSettings | None = None):
@@ -106,6 +112,7 @@ class Bag:
         self._counts: list[int] = []
         self._files: list[McapFile] = []
         self._ended = False
+        self.rests = False
         _make_folder(self.folder)
         try:
             self._next_file()
@@ -116,6 +123,11 @@ class Bag:
             raise
 
     @property
+    def written(self) -> int:
+        """Number of messages, also of those that are not on the disk yet."""
+        return sum(self._counts)
+
+    @property
     def size(self) -> int:
         """Size of the file being written [B]."""
         return self._files[-1].size
@@ -124,10 +136,11 @@ class Bag:
         with self._writing():
             path = self.folder / f"{self.folder.name}_{len(self._files)}.mcap"
             self._files.append(McapFile(path, self._settings.chunk_size))
-            self._files[-1].writer.start("ros2", _LIBRARY)
+            self._files[-1].writer.start("ros2", LIBRARY)
             for topic in self.topics:
                 self._declare(topic)
             self._files[-1].writer.flush()
+        self._bring(self._files[-1])
 
     def _declare(self, topic: Topic) -> None:
         file, definition = self._files[-1], topic.definition
@@ -168,12 +181,17 @@ class Bag:
     def flush(self) -> None:
         """Close the chunk and bring it to the disk: readable up to here, whatever happens.
 
-        Raises BagError if that fails; the file then ends with the last flush.
+        Raises BagFullError if the disk has no room, BagError if it fails: the file then ends with
+        the last flush.
         """
         file = self._files[-1]
+        if file.finished:  # there was no room for its index
+            self.rest()
+            return
         with self._writing():
-            file.writer.flush()
-        self.message_count = sum(self._counts)
+            file.writer.flush()  # closes the chunk
+        self._bring(file)
+        self.message_count = self.written
         longest = self._settings.max_file_duration * 1e9
         if longest and file.messages and file.end - file.begin >= longest:
             self._finish_file()
@@ -182,22 +200,49 @@ class Bag:
     def _finish_file(self) -> None:
         file = self._files[-1]
         with self._writing():
-            file.writer.finish()
-            file.writer.flush()
-            file.close()
+            file.finish()
+        self._bring(file)
+        file.close()
+
+    def _bring(self, file: McapFile) -> None:
+        """Bring what was written to the disk. Raises BagFullError, BagError."""
+        with self._writing():
+            if not file.flush():
+                raise BagFullError(f"writing the bag waits for room on the disk: {file.full}")
 
     def close(self, state: str = CLOSED) -> None:
         """Write index, footer and metadata.yaml; a second call does nothing.
 
-        After a failed write the bag stays unfinished. Raises BagError if this fails.
+        After a failed write, or on a full disk, the bag stays unfinished and ends with the last
+        flush. Raises BagError if this fails.
         """
         if self._ended:
             return
+        try:
+            if not self.rests:
+                self.rest(state)
+        except BagFullError as error:
+            self._cut_back()
+            raise BagError(str(error)) from None
+        self._ended = True
+
+    def rest(self, state: str = CLOSED) -> None:
+        """Make it a closed bag up to here, which `go_on` continues.
+
+        Raises BagFullError, after which `flush` tries it again, or BagError.
+        """
         self._finish_file()
-        self.message_count = sum(self._counts)
+        self.message_count = self.written
         with self._writing():
             replace(self.folder / METADATA_FILE, self._metadata(state), private=True)
-        self._ended = True
+        self.rests = True
+
+    def go_on(self) -> None:
+        """Continue after `rest`, in a new file. Raises as `flush` does."""
+        with self._writing():
+            (self.folder / METADATA_FILE).unlink()  # it names the earlier files alone
+        self.rests = False
+        self._next_file()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -207,11 +252,15 @@ class Bag:
         try:
             yield
         except OSError as error:
-            self._ended = True
-            for file in self._files[-1:]:
-                file.cut_back()
-                file.close()
+            self._cut_back()
             raise BagError(f"writing the bag failed: {error.strerror}") from None
+
+    def _cut_back(self) -> None:
+        """End the bag at its last flush."""
+        self._ended = True
+        for file in self._files[-1:]:
+            file.cut_back()
+            file.close()
 
     def _metadata(self, state: str) -> str:
         filled = [file for file in self._files if file.messages]

@@ -14,6 +14,8 @@ graph: one that is estimated from the messages would hide a regular loss.
 from __future__ import annotations
 
 import json
+import struct
+from collections import deque
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -37,7 +39,9 @@ class Counts(NamedTuple):
 
     messages: recorded. stride: ticks from one message to the next, 0 if unknown or without ticks.
     gaps: in the ticks. lost: messages missing in the gaps. duplicates: messages with the tick of
-    the previous one. out_of_order: messages older than an earlier one. restarts: steps too large
+    the previous one. out_of_order: messages with an older tick than an earlier one of their
+    publisher, by its message numbers where it has them; their order in the file does not count, as
+    a recorder may have sorted by a clock that was set. restarts: steps too large
     for a gap (node restarted, clock reset). missed: messages published but not received, -1 if that
     cannot be counted. dropped: messages received but not written (cache full, disk full).
     """
@@ -81,24 +85,38 @@ class Count:
         self._steps: dict[int, int] = {}
         self._places: list[tuple[int, int]] = []  # log time before a step, and the step
         self._last = self._number = self._time = 0
-        self._missed = self._late = self._restarts = 0
+        self._missed = self._late = self._moved = self._restarts = 0
+        self._absent: deque[tuple[int, int]] = deque(maxlen=_MANY)  # first and last missing number
 
     def take(self, number: int, data: bytes, log_time: int = 0) -> None:
         """Count a message; number: its publisher's, 0 without. log_time: of its gaps [ns]."""
-        if number:
-            self.numbered = True
-            if 0 < self._number < number:
-                self._missed += number - self._number - 1
-            self._number = number
+        is_moved = bool(number) and self._numbered(number)
         if self._stamp:
-            self._tick(tick_of(data, self._stamp == _HEADER))
+            self._tick(tick_of(data, self.after_header), is_moved)
         self.messages += 1
         self._time = log_time
 
-    def _tick(self, tick: int) -> None:
+    def _numbered(self, number: int) -> bool:
+        """Count a publisher's number; return whether it is one that was missing up to now."""
+        self.numbered = True
+        for place, (first, last) in enumerate(self._absent if number < self._number else ()):
+            if first <= number <= last:
+                self._missed -= 1
+                del self._absent[place]
+                parts = ((first, number - 1), (number + 1, last))
+                self._absent.extend(part for part in parts if part[0] <= part[1])
+                return True
+        if 0 < self._number < number - 1:
+            self._missed += number - self._number - 1
+            self._absent.append((self._number + 1, number - 1))
+        self._number = number
+        return False
+
+    def _tick(self, tick: int, is_moved: bool) -> None:
         step = (tick - self._last) & _MASK
         if self.messages and _MASK + 1 - step < _RESTART:
-            self._late += 1
+            self._moved += is_moved
+            self._late += not is_moved
             return
         self._last = tick
         if not self.messages:
@@ -110,6 +128,11 @@ class Count:
             self._steps[step] = seen + 1
             if seen < _SHOWN:
                 self._places.append((self._time, step))
+
+    @property
+    def after_header(self) -> bool:
+        """Whether a header, and not a stamp alone, comes before its ticks."""
+        return self._stamp == _HEADER
 
     @property
     def ticked(self) -> bool:
@@ -138,7 +161,7 @@ class Count:
             messages=self.messages,
             stride=stride,
             gaps=sum(missing.values()),
-            lost=max(0, lost - self._late),  # a late message was first counted as lost
+            lost=max(0, lost - self._late - self._moved),  # a late one was first counted as lost
             duplicates=self._steps.get(0, 0),
             out_of_order=self._late,
             restarts=self._restarts,
@@ -165,15 +188,31 @@ def parameter(parameters: Mapping[str, str], node: str, name: str) -> Any:
 
 
 def tick_of(data: bytes, after_header: bool) -> int:
-    """Return the tick number in a CDR message, after a stamp or a std_msgs/Header.
+    """Return the tick number in a CDR message, after a stamp or a std_msgs/Header."""
+    order, start = _tick_at(data, after_header)
+    return int.from_bytes(data[start : start + 4], order)
+
+
+def times_of(data: bytes, after_header: bool) -> tuple[int, int]:
+    """Return stamp and monotonic time of a message with ticks [ns]; zeros if it is too short."""
+    order, start = _tick_at(data, after_header)
+    at = 4 + (start + 7 & ~7)  # aligned to 8 from the end of the encapsulation
+    if len(data) < at + 8:
+        return 0, 0
+    mark = "<" if order == "little" else ">"
+    seconds, nanoseconds = struct.unpack_from(f"{mark}iI", data, 4)
+    return seconds * 1_000_000_000 + nanoseconds, *struct.unpack_from(f"{mark}q", data, at)
+
+
+def _tick_at(data: bytes, after_header: bool) -> tuple[Literal["little", "big"], int]:
+    """Return byte order and place of the tick number in a CDR message.
 
     Four bytes of encapsulation come first, then the stamp (8), then for a header the frame's length
     (4) and text; the number is aligned to 4 from the end of the encapsulation.
     """
     order: Literal["little", "big"] = "little" if data[1:2] and data[1] & 1 else "big"
     text = int.from_bytes(data[12:16], order) if after_header else 0
-    start = 16 + (text + 3 & ~3) if after_header else 12
-    return int.from_bytes(data[start : start + 4], order)
+    return order, 16 + (text + 3 & ~3) if after_header else 12
 
 
 def _missing(step: int, stride: int) -> int:

@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decodes whole bags with rosbags: messages, or every field of a topic as an array over time."""
+"""Decodes whole bags: messages, or every field of a topic as an array over time.
+
+The records are read by `records.File`, as for every other command; rosbags decodes their content.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from .bag import BagError
+from .bag import BagError, Topic
+from .bag_files import files_of
+from .records import File, Record, chosen
 
 
 class BagMessage(NamedTuple):
@@ -29,59 +33,97 @@ class BagMessage(NamedTuple):
     message: Any
 
 
-@contextmanager
-def _reader(path: Path | str) -> Iterator[AnyReader]:
-    """Open a bag folder or .mcap file with rosbags. Raises BagError if it cannot be read."""
-    if not Path(path).exists():
-        raise BagError(f"there is no bag {path}")
-    try:
-        with AnyReader([Path(path)]) as reader:
-            yield reader
-    except BagError:
-        raise
-    except Exception as error:  # rosbags raises various exceptions on a damaged bag
-        hint = f"if it is cut off or damaged, run: session recover {path}"
-        raise BagError(f"cannot read {path} as a bag: {error}; {hint}") from None
+class _Decoder:
+    """Decodes messages by the definitions in their bag."""
+
+    def __init__(self) -> None:
+        self._stores: dict[tuple[str, str], Any] = {}
+
+    def __call__(self, topic: Topic, data: bytes) -> Any:
+        key = topic.type, topic.definition.text
+        if key not in self._stores:
+            idl = topic.definition.encoding == "ros2idl"
+            store = get_typestore(Stores.EMPTY)
+            text = topic.definition.text
+            store.register(get_types_from_idl(text) if idl else get_types_from_msg(text, key[0]))
+            self._stores[key] = store
+        return self._stores[key].deserialize_cdr(data, topic.type)
+
+
+def _messages(
+    path: Path | str,
+    wanted: Callable[[Topic], bool] | None,
+    remarks: list[str] | None,
+    held: dict[str, Topic],
+) -> Iterator[tuple[Topic, Record]]:
+    """Yield messages; `held` gets all topics. Raises BagError where the bag is damaged."""
+    for file in map(File, files_of(path)):
+        for found in file.messages(wanted):
+            if file.problems:
+                break
+            yield found
+        if file.problems:
+            raise BagError(
+                f"cannot read {path} as a bag: {file.problems[0]}; if it is cut off or damaged, "
+                f"run: session recover {path}"
+            )
+        held |= {topic.name: topic for topic in file.topics.values()}
+        if remarks is not None and file.stated not in (None, file.read):
+            remarks.append(
+                f"{file.path.name} states {file.stated} messages and holds {file.read}: "
+                f"session verify {path} tells what is missing"
+            )
 
 
 def topics(path: Path | str) -> dict[str, str]:
-    """Return the type of each topic of the bag, by name."""
-    with _reader(path) as reader:
-        return {each.topic: str(each.msgtype) for each in reader.connections}
+    """Return the type of each topic of the bag, by name. Raises BagError."""
+    held: dict[str, Topic] = {}
+    for _ in _messages(path, lambda topic: False, None, held):
+        pass
+    return {name: topic.type for name, topic in held.items()}
 
 
-def read_bag(path: Path | str, names: Collection[str] | None = None) -> Iterator[BagMessage]:
-    """Yield the decoded messages of the topics `names` (all by default) in order of log time.
+def read_bag(
+    path: Path | str, names: Collection[str] | None = None, remarks: list[str] | None = None
+) -> Iterator[BagMessage]:
+    """Yield the decoded messages of the topics `names` (all by default).
 
-    Raises BagError when the bag cannot be read, is damaged or lacks a topic.
+    Those of one topic come in the order in which they were recorded. remarks: gets a sentence for
+    each file that does not hold the number of messages that it states. Raises BagError when the bag
+    cannot be read, is damaged or lacks a topic.
     """
-    with _reader(path) as reader:
-        known = {each.topic for each in reader.connections}
-        if missing := sorted(set(names or ()) - known):
-            held = ", ".join(sorted(known))
-            raise BagError(f"{path} holds no {', '.join(missing)}; it holds: {held}")
-        chosen = [each for each in reader.connections if names is None or each.topic in names]
-        for each, log_time, data in reader.messages(chosen) if chosen else ():
-            kind = str(each.msgtype)
-            yield BagMessage(each.topic, kind, log_time, reader.deserialize(data, kind))
+    held: dict[str, Topic] = {}
+    decode = _Decoder()
+    for topic, record in _messages(path, chosen(names), remarks, held):
+        try:
+            message = decode(topic, record.data)
+        except Exception as error:  # whatever a parser or a decoder stumbles over
+            told = f"{path}: a message of {topic.name} cannot be decoded: {error}"
+            raise BagError(told) from None
+        yield BagMessage(topic.name, topic.type, record.log_time, message)
+    if missing := sorted(set(names or ()) - set(held)):
+        raise BagError(
+            f"{path} holds no {', '.join(missing)}; it holds: {', '.join(sorted(held))}"
+        )
 
 
 def calibrations(path: Path | str) -> dict[str, str]:
     """Return the calibration that the last message of each topic names, by topic."""
-    newest = {}
-    with _reader(path) as reader:
-        named = [each for each in reader.connections if "string calibration" in each.msgdef.data]
-        for each, _, data in reader.messages(named) if named else ():
-            newest[each.topic] = each.msgtype, data
-        return {
-            topic: found
-            for topic, (kind, data) in newest.items()
-            if isinstance(found := getattr(reader.deserialize(data, kind), "calibration", 0), str)
-        }
+    newest: dict[str, tuple[Topic, bytes]] = {}
+    decode = _Decoder()
+    for topic, record in _messages(
+        path, lambda topic: "string calibration" in topic.definition.text, None, {}
+    ):
+        newest[topic.name] = topic, record.data
+    return {
+        name: found
+        for name, last in newest.items()
+        if isinstance(found := getattr(decode(*last), "calibration", 0), str)
+    }
 
 
 def columns(path: Path | str, topic: str) -> dict[str, np.ndarray]:
-    """Return every field of `topic` as an array over the messages, in order of log time.
+    """Return every field of `topic` as an array over the messages, in the order of recording.
 
     Nested fields have dotted names (`position.x`); arrays of numbers with constant length become
     two-dimensional; texts become arrays of objects. `log_time` is added [ns since the epoch]. Units

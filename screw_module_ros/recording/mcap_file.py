@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from pathlib import Path
@@ -14,6 +15,7 @@ from ..files import owner_only
 
 NO_TIME = 2**63 - 1
 """rosbag2's start time of a bag without messages [ns]."""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of which somebody can make an end
 
 
 class Message(NamedTuple):
@@ -34,13 +36,17 @@ class Message(NamedTuple):
 class McapFile:
     """One MCAP file as `mcap.Writer` writes it, with counts, times and a running hash.
 
-    safe: size after the last flush [B]. begin, end: first and last log time [ns].
+    size: with what waits for room on the disk [B]. safe: size after the last flush [B]. begin, end:
+    first and last log time [ns]. full: why the disk takes nothing at present, empty if it does.
+    finished: whether the index was written.
     """
 
     def __init__(self, path: Path, chunk_size: int):
         self.path = path
         self._raw = open(path, "xb", buffering=0, opener=owner_only)
         self._sha = hashlib.sha256()
+        self._waiting = bytearray()
+        self.full, self.finished = "", False
         self.size = self.safe = self.messages = 0
         self.begin = self.end = NO_TIME
         self.schemas: dict[tuple[str, str], int] = {}
@@ -52,23 +58,47 @@ class McapFile:
         return self.size
 
     def write(self, data: bytes) -> None:
-        """Write all of `data`; a nearly full disk takes a part."""
-        view = memoryview(data)
-        while view:
-            written = self._raw.write(view)
-            self._sha.update(view[:written])
-            self.size += written
-            view = view[written:]
+        """Write all of `data`; what a full disk does not take waits for the next attempt."""
+        self._waiting += data
+        self._sha.update(data)
+        self.size += len(data)
+        self._push()
 
-    def flush(self) -> None:
-        """Bring everything to the disk. Raises OSError, also if the file was deleted or moved."""
+    def _push(self) -> None:
+        self.full = ""
+        while self._waiting:
+            try:
+                written = self._raw.write(self._waiting)  # a nearly full disk takes a part
+            except OSError as error:
+                if error.errno not in _FULL:
+                    raise
+                self.full = error.strerror or "the disk is full"
+                return
+            del self._waiting[:written]
+
+    def flush(self) -> bool:
+        """Bring everything to the disk; return whether it had room.
+
+        Raises OSError, also if the file was deleted or moved.
+        """
+        self._push()
+        if self.full:
+            return False
         os.fdatasync(self._raw.fileno())
         os.stat(self.path)
         self.safe = self.size
+        return True
+
+    def finish(self) -> None:
+        """Write the index and the footer, once."""
+        if not self.finished:
+            self.finished = True
+            self.writer.finish()
 
     def cut_back(self) -> None:
         """Remove what came after the last flush, which may be half a chunk."""
         if not self._raw.closed:
+            self._waiting.clear()
             os.ftruncate(self._raw.fileno(), self.safe)
 
     def close(self) -> None:

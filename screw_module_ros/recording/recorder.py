@@ -19,11 +19,14 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from .bag import Bag, BagError, Message, StorageSettings, Topic
+from ..clock import Clock, WallClock
+from .bag import Bag, BagError, BagFullError, Message, StorageSettings, Topic
 from .counts import Count, Counts
+from .timeline import Timeline
 
-AUDIT, PARAMETERS, REFUSED = "audit", "parameters", "not recorded"
-"""Notes in a bag: counts by topic, parameters by node, reasons by topic that is not recorded."""
+AUDIT, PARAMETERS, REFUSED, CLOCK = "audit", "parameters", "not recorded", "clock"
+"""Notes in a bag: counts by topic, parameters by node, reasons by topic that is not recorded, local
+time of the beginning and when the system clock was set."""
 NO_ANSWER = "no answer"
 """In place of the parameters of a node that did not answer."""
 _OVERHEAD = 300  # B of memory of a waiting message beyond its data
@@ -35,7 +38,7 @@ class Status(NamedTuple):
 
     error: why it ended by itself, empty without an error. messages: on the disk; waiting: received,
     not yet written; dropped: received, but not in the bag. size: of the current file [B]. audit:
-    counts per topic.
+    counts per topic. held: why nothing reaches the disk at present, empty if it does.
     """
 
     error: str
@@ -44,6 +47,12 @@ class Status(NamedTuple):
     dropped: int
     size: int
     audit: dict[str, Counts]
+    held: str = ""
+
+    @property
+    def records(self) -> bool:
+        """Whether messages reach the disk."""
+        return not (self.error or self.held)
 
     def summary(self) -> str:
         """Return it in one sentence, an error first."""
@@ -53,7 +62,8 @@ class Status(NamedTuple):
             f"{self.messages} messages of {len(self.audit)} topics, "
             f"{lost} ticks lost, {missed} not received, {self.dropped} not written"
         )
-        return f"{self.error}; {text}" if self.error else text
+        why = self.error or self.held
+        return f"{why}; {text}" if why else text
 
 
 class Recording:
@@ -64,8 +74,12 @@ class Recording:
         bag: Bag,
         settings: StorageSettings | None = None,
         free_space: Callable[[], int] | None = None,
+        clock: Clock | None = None,
     ):
-        """Own `bag` from now on; free_space: returns the free space of the disk [B]."""
+        """Own `bag` from now on; free_space: returns the free space of the disk [B].
+
+        clock: whose stamps are the log times, by default the system's.
+        """
         self.folder = bag.folder
         self._bag = bag
         self._settings = settings or StorageSettings()
@@ -81,7 +95,8 @@ class Recording:
         self._counts: list[Count] = []  # by channel, from 1
         self._notes: dict[str, dict[str, str]] = {}
         self._due: list[str] = []  # notes to be written
-        self._error = ""
+        self._error = self._held = ""
+        self._timeline = Timeline(clock or WallClock())
         self._flushed_ns: int | None = None
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -110,6 +125,7 @@ class Recording:
 
     def put(self, messages: Sequence[Message]) -> None:
         """Append messages to the queue. From one receiving thread; never blocks or raises."""
+        messages = self._timeline.continued(messages)
         size = _size(messages)
         waiting = self._received_bytes - self._taken_bytes
         if self._error or waiting + size > self._settings.max_cache:
@@ -121,20 +137,33 @@ class Recording:
 
     def work(self, now_ns: int) -> None:
         """One pass of the writing thread at `now_ns` (CLOCK_MONOTONIC): write, flush when due."""
-        batch = self._take()
         with self._lock:
-            self._unsafe.update(message[0] for message in batch)
             if self._error:
+                self._take()
                 self._drop()
                 return
             try:
-                self._write(batch)
+                if self._held and not self._has_room():
+                    return
+                self._write(self._take())
                 self._flushed_ns = now_ns if self._flushed_ns is None else self._flushed_ns
                 if now_ns - self._flushed_ns >= self._settings.flush_period * 1e9:
                     self._flushed_ns = now_ns
                     self._flush()
+            except BagFullError as error:
+                self._held = str(error)
             except BagError as error:
                 self._fail(str(error))
+
+    def _has_room(self) -> bool:
+        """Return whether writing can go on. Raises BagFullError, BagError."""
+        if self._bag.rests:
+            if self._free_space() < 2 * self._settings.min_free_space:
+                return False
+            self._bag.go_on()
+        self._bag.flush()
+        self._held = ""
+        return True
 
     def _take(self) -> list[Message]:
         batch: list[Message] = []
@@ -143,9 +172,8 @@ class Recording:
             self._taken_bytes += _size(messages)
             self._taken += len(messages)
             batch += messages
-        # They arrive topic by topic; a player searches less in order of time.
-        batch.sort(key=itemgetter(1))
-        return batch
+        self._unsafe.update(message[0] for message in batch)
+        return _in_time(batch)
 
     def _write(self, batch: Sequence[Message]) -> None:
         for count in self._counts[len(self._bag.topics) :]:
@@ -158,25 +186,39 @@ class Recording:
         self._write_notes()
         self._bag.flush()
         self._unsafe.clear()
-        free = self._free_space()
-        if free < self._settings.min_free_space:
-            self._end()
-            self._fail(
-                f"only {free / 2**20:.0f} MiB left on the disk: the bag was closed; free disk "
-                "space or choose another folder"
+        free, least = self._free_space(), self._settings.min_free_space
+        if free < least:
+            self._write_audit()
+            self._bag.rest()
+            self._unsafe.clear()
+            self._held = (
+                f"only {free / 2**20:.0f} MiB left on the disk: the bag was closed, and goes on "
+                f"with {2 * least / 2**20:.0f} MiB; free disk space or choose another folder"
             )
 
     def _write_notes(self) -> None:
+        if (told := self._timeline.note()) != self._notes.get(CLOCK):
+            self._notes[CLOCK] = told
+            self._due.append(CLOCK)
         for name in self._due:
             self._bag.note(name, self._notes[name])
         self._due.clear()
 
-    def _end(self) -> None:
-        """Close the bag, with the last counts in it."""
+    def _write_audit(self) -> None:
+        """Write the last notes and counts."""
         self._write_notes()
         self._bag.note(AUDIT, {name: counts.as_text() for name, counts in self._audit().items()})
-        self._bag.close()
-        self._unsafe.clear()
+
+    def _end(self) -> None:
+        """Close the bag, with the last counts in it; what waits for room on the disk is lost."""
+        why = self._held
+        if not self._bag.rests:
+            self._write_audit()
+            self._bag.close()
+            self._unsafe.clear()
+        elif why:
+            self._bag.close()
+            self._fail(why)
 
     def _fail(self, error: str) -> None:
         self._error = self._error or error
@@ -203,6 +245,7 @@ class Recording:
                 dropped=self._refused.total() + self._unwritten.total(),
                 size=self._bag.size,
                 audit=self._audit(),
+                held=self._held,
             )
 
     def close(self) -> Status:
@@ -210,13 +253,18 @@ class Recording:
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
-        self.work(time.monotonic_ns())
+        if not self._bag.rests:
+            self.work(time.monotonic_ns())
         with self._lock:
             if not self._error:
                 try:
                     self._end()
                 except BagError as error:
                     self._fail(str(error))
+            self._held = ""
+            if self._error:
+                self._take()
+                self._drop()
         return self.status()
 
     def _run(self) -> None:
@@ -225,6 +273,22 @@ class Recording:
                 self.work(time.monotonic_ns())
             except Exception as error:  # report a defect instead of ending the thread silently
                 self._fail(f"the recording failed: {type(error).__name__}: {error}")
+
+
+def _in_time(batch: list[Message]) -> list[Message]:
+    """Return messages in order of time, those of one topic in the order in which they came.
+
+    They come topic by topic; a player searches less in order of time. Where log times of a topic
+    fall, as of a clock that was set back, the largest one before counts.
+    """
+    latest: dict[int, int] = {}
+    due = []
+    for message in batch:
+        channel, time_ns = message[:2]
+        latest[channel] = max(time_ns, latest.get(channel, time_ns))
+        due.append((latest[channel], message))
+    due.sort(key=itemgetter(0))
+    return [message for _, message in due]
 
 
 def _size(messages: Sequence[Message]) -> int:

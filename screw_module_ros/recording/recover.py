@@ -4,37 +4,45 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .bag import METADATA_FILE, RECOVERED, Bag, BagError, Message
-from .records import File, files_of, information, noted
+from .bag_files import files_of, information, name_of
+from .records import File, noted
 
 ENDING = "_recovered"
 
 
 class Recovered(NamedTuple):
-    """Result of `recover`: the new bag, its messages, and what could not be read."""
+    """Result of `recover`.
+
+    folder: of the new bag; messages: in it; problems: what could not be read; missing: messages
+    that the bag states and the copy has not.
+    """
 
     folder: Path
     messages: int
     problems: list[str]
+    missing: int = 0
 
 
-def recover(bag: Path | str) -> Recovered:
-    """Copy the messages of every whole chunk and the notes into the new bag NAME_recovered.
+def recover(bag: Path | str, out: Path | str | None = None) -> Recovered:
+    """Copy the messages of every whole record and the notes into the new bag NAME_recovered.
 
-    Raises BagError if `bag` is no bag or the copy cannot be written: then none is left.
+    out: folder of the new bag's folder, by default that of `bag`. Raises BagError if `bag` is no
+    bag or the copy cannot be written: then none is left.
     """
-    folder = Path(bag).resolve()
-    files = [File(path) for path in files_of(folder)]
+    files = [File(path) for path in files_of(bag)]
     problems: list[str] = []
     try:
-        told = information(folder)
+        told = information(bag)
     except BagError as error:
         told = {}
         problems.append(str(error))
-    copy = Bag(folder.with_name(folder.name + ENDING))
+    parent = Path(out) if out is not None else Path(bag).resolve().parent
+    copy = Bag(parent / (name_of(bag) + ENDING))
     try:
         channels: dict[str, int] = {}
         for file in files:
@@ -48,15 +56,28 @@ def recover(bag: Path | str) -> Recovered:
                 if topic.name not in channels:
                     channels[topic.name] = copy.add_topic(topic)
             problems += file.problems
-        if not channels:
-            raise BagError(f"nothing in {folder} can be read: {'; '.join(problems)}")
+        if not (channels and (copy.written or not problems)):
+            raise BagError(f"nothing in {bag} can be read: {'; '.join(problems) or 'it is empty'}")
         for name, values in noted(told, files).items():
             copy.note(name, {key: str(value) for key, value in values.items()})
         copy.close(RECOVERED)
     except BaseException:
         shutil.rmtree(copy.folder)
         raise
-    return Recovered(copy.folder, copy.message_count, problems)
+    missing = max(0, _stated(told, files) - copy.message_count)
+    if missing:
+        problems.append(
+            f"the bag states {missing + copy.message_count} messages, the copy has "
+            f"{copy.message_count}"
+        )
+    return Recovered(copy.folder, copy.message_count, problems, missing)
+
+
+def _stated(told: Mapping[str, Any], files: Sequence[File]) -> int:
+    """Return how many messages metadata.yaml or the files' indexes state, whichever are more."""
+    counts = told.get("topics_with_message_count", {}).values()
+    listed = sum(count for count in counts if isinstance(count, int))
+    return max(listed, sum(max(file.stated or 0, file.read) for file in files))
 
 
 def bag_names(parent: Path, begin: str) -> set[str]:

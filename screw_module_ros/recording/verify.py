@@ -4,7 +4,7 @@
 1. the SHA-256 of each file is the one in metadata.yaml;
 2. every chunk matches its checksum, index and counts agree;
 3. every topic with ticks has each due number from first to last, begins and ends within 1 s of the
-   recording, and is not silent;
+   recording, and is not silent; where the system clock was set, by the monotonic times in it;
 4. the message numbers of every topic with one publisher are contiguous;
 5. the recorder dropped nothing;
 6. every topic of a node whose parameters are in the bag is there, and so is every topic that was
@@ -22,12 +22,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .bag import CLOSED, HASHES, METADATA_FILE, PREFIX, RECOVERED, STATE, BagError, Topic
+from .bag import CLOSED, HASHES, LIBRARY, METADATA_FILE, PREFIX, RECOVERED, STATE, BagError, Topic
+from .bag_files import files_of, information
+from .clock_settings import ClockSettings
 from .counts import TICKED, Count, Counts, Gap
 from .recorder import AUDIT, NO_ANSWER, PARAMETERS, REFUSED
-from .records import File, decoded, files_of, information, noted
+from .records import File, decoded, noted
 
 _END_S = 1.0  # longest accepted silence of a topic with ticks at an end of the recording
+_SHOWN = 5
 _KINDS = (
     "counted by ticks and message numbers",
     "counted by ticks",
@@ -42,7 +45,8 @@ class Report(NamedTuple):
 
     topics: counts by topic name. gaps: the first ones per topic. problems: sentences, empty if the
     bag is complete. remarks: sentences about what could not be checked. notes: of the recorder.
-    losses: those problems that only say which messages are missing; `topics` counts them.
+    losses: those problems that only say which messages are missing; `topics` counts them. duration:
+    from the first to the last message [s], not counting what the system clock was set by.
     """
 
     topics: dict[str, Counts]
@@ -51,6 +55,7 @@ class Report(NamedTuple):
     remarks: list[str]
     notes: dict[str, dict[str, str]]
     losses: Sequence[str] = ()
+    duration: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -76,15 +81,18 @@ def _counted_by(count: Counts) -> str:
 
 
 class _Track(Count):
-    """The messages of one topic; first, last: their log times [ns]."""
+    """The messages of one topic; span: first and last log time [ns]; settings: of the clock."""
 
     def __init__(self, topic: Topic):
         super().__init__(topic)
-        self.first = self.last = 0
+        self.span = 0, 0
+        self.settings = ClockSettings(self.after_header)
 
     def add(self, number: int, data: bytes, log_time: int) -> None:
-        self.first = min(self.first, log_time) if self.messages else log_time
-        self.last = max(self.last, log_time)
+        first, last = self.span if self.messages else (log_time, log_time)
+        self.span = min(first, log_time), max(last, log_time)
+        if self.ticked:
+            self.settings.add(data, log_time)
         self.take(number, data, log_time)
 
 
@@ -113,10 +121,11 @@ def verify(bag: Path | str) -> Report:
         if not counts[name].complete:
             problems.append(_missing(name, counts[name]))
             losses += [] if counts[name].out_of_order else problems[-1:]
-        problems += _ticks(track, tracks.values())
+        problems += _ticks(track)
+    problems += _ends(tracks.values())
     custom = told.get("custom_data", {})
     problems += [*_closed(bag, told, files), *_stated(told, counts), *_absent(tracks, notes)]
-    remarks = list(_uncounted(tracks))
+    remarks = [*_settings(tracks.values()), *_unchecked(bag, told, files), *_uncounted(tracks)]
     if custom and PREFIX + HASHES not in custom:
         remarks.append("an older version recorded it, without a hash of its files")
     gaps = {name: track.gaps(parameters) for name, track in tracks.items() if counts[name].lost}
@@ -124,7 +133,7 @@ def verify(bag: Path | str) -> Report:
         name: count if tracks[name].numbered or not count.messages else count._replace(missed=-1)
         for name, count in counts.items()
     }
-    return Report(counts, gaps, problems, remarks, notes, losses)
+    return Report(counts, gaps, problems, remarks, notes, losses, _duration(tracks.values()))
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:
@@ -135,23 +144,24 @@ def _number(values: Mapping[str, Any], name: str) -> int:
 
 def _walk(file: File, tracks: dict[str, _Track]) -> Iterator[str]:
     """Count the messages of a file; yield what is wrong with it."""
-    read = 0
     for topic, message in file.messages():
         track = tracks.get(topic.name) or tracks.setdefault(topic.name, _Track(topic))
         track.add(message.sequence, message.data, message.log_time)
-        read += 1
     for topic in file.topics.values():
         tracks.setdefault(topic.name, _Track(topic))
     yield from file.problems
-    if file.stated not in (None, read):
-        yield f"{file.path.name} states {file.stated} messages and holds {read}"
+    if file.stated not in (None, file.read):
+        yield f"{file.path.name} states {file.stated} messages and holds {file.read}"
 
 
 def _closed(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iterator[str]:
-    """Yield problems with the way the bag was closed, and with the hashes of its files."""
+    """Yield problems with the way the bag was closed, and with the hashes of its files.
+
+    What another program recorded has no such state: it is closed if its files have their ends.
+    """
     custom = told.get("custom_data", {})
     state = custom.get(PREFIX + STATE)
-    if state != CLOSED:
+    if state != CLOSED and not _is_foreign(bag, told, files):
         yield (
             f"the recording goes on or was not closed (state: {state or 'unfinished'}); if it has "
             f"ended, run: session recover {bag}"
@@ -166,6 +176,22 @@ def _closed(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iter
         wanted = hashes.get(file.path.name)
         if wanted and _sha256(file.path) != wanted:
             yield f"{file.path.name} was altered or damaged: its SHA-256 differs"
+
+
+def _is_foreign(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> bool:
+    """Return whether the bag cannot have our state: whole files of another, or one without it."""
+    ours = PREFIX + STATE in told.get("custom_data", {})
+    alone = Path(bag).is_file() or all(file.library != LIBRARY for file in files)
+    return not ours and alone and all(file.whole for file in files)
+
+
+def _unchecked(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iterator[str]:
+    if not _is_foreign(bag, told, files):
+        return
+    if not told:
+        yield f"without {METADATA_FILE}: whether further files belong to it is not known"
+    elif not told.get("custom_data"):
+        yield "another program recorded it, without a hash of its files"
 
 
 def _sha256(path: Path) -> str:
@@ -184,7 +210,7 @@ def _stated(told: Mapping[str, Any], counts: Mapping[str, Counts]) -> Iterator[s
             yield f"{name}: {METADATA_FILE} states {stated} messages, the files contain {found}"
 
 
-def _ticks(track: _Track, tracks: Iterable[_Track]) -> Iterator[str]:
+def _ticks(track: _Track) -> Iterator[str]:
     """Yield what is wrong with a topic of the graph that has ticks, beside gaps."""
     name = track.topic.name
     if not track.ticked:
@@ -194,11 +220,54 @@ def _ticks(track: _Track, tracks: Iterable[_Track]) -> Iterator[str]:
         return
     if restarts := track.result({}).restarts:
         yield f"{name}: its sequence jumped {restarts} times, too far to count losses"
+
+
+def _spans(tracks: Iterable[_Track]) -> dict[str, tuple[int, int]]:
+    """Return the first and the last time of each topic with messages [ns].
+
+    Where the system clock was set and moved the log times, the monotonic times of the topics that
+    have them.
+    """
     spoke = [each for each in tracks if each.messages]
-    late = (track.first - min(each.first for each in spoke)) * 1e-9
-    early = (max(each.last for each in spoke) - track.last) * 1e-9
-    if max(late, early) > _END_S:
-        yield f"{name}: begins {late:.1f} s after the recording and ends {early:.1f} s before it"
+    timed = [each for each in spoke if each.settings.moved_log_times]
+    if timed:
+        return {each.topic.name: each.settings.span for each in spoke if each.settings.span[0]}
+    return {each.topic.name: each.span for each in spoke}
+
+
+def _ends(tracks: Iterable[_Track]) -> Iterator[str]:
+    """Yield topics with ticks that begin late or end early."""
+    tracks = list(tracks)
+    spans = _spans(tracks)
+    for track in tracks:
+        name = track.topic.name
+        if not (track.ticked and name in spans):
+            continue
+        late = (spans[name][0] - min(first for first, _ in spans.values())) * 1e-9
+        early = (max(last for _, last in spans.values()) - spans[name][1]) * 1e-9
+        if max(late, early) > _END_S:
+            ends = f"ends {early:.1f} s before it"
+            yield f"{name}: begins {late:.1f} s after the recording and {ends}"
+
+
+def _duration(tracks: Iterable[_Track]) -> float:
+    """Return the time from the first to the last message [s]."""
+    spans = _spans(tracks).values()
+    if not spans:
+        return 0.0
+    return (max(last for _, last in spans) - min(first for first, _ in spans)) * 1e-9
+
+
+def _settings(tracks: Iterable[_Track]) -> Iterator[str]:
+    """Yield when the system clock was set, by the topic that shows most of it."""
+    most = max((each.settings.steps for each in tracks), key=len, default=[])
+    if most:
+        shown = ", ".join(f"{step:+.1f} s" for step in most[:_SHOWN])
+        more = f" and {len(most) - _SHOWN} times more" if len(most) > _SHOWN else ""
+        yield (
+            f"the system clock was set by {shown}{more} while it was recorded; order and duration "
+            "are those of numbers and monotonic time"
+        )
 
 
 def _absent(tracks: Mapping[str, _Track], notes: Mapping[str, Any]) -> Iterator[str]:

@@ -7,6 +7,7 @@ import resource
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 from acts import both, called, published
 from fault_robot import SPRING
@@ -14,6 +15,7 @@ from row import CLEAR, HOME, MODE, PLANE_BACK, TARE, Act, Report, Row, goes_on
 from screw_module_msgs.msg import EndpointSetpoint
 
 from screw_module_ros import graph
+from screw_module_ros.recording.verify import verify
 
 GROUP = "machine"
 _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
@@ -33,9 +35,21 @@ def _disk_full(robot) -> None:
     _limit_files(robot, _BAG_LIMIT)
 
 
-def _disk_again(robot) -> None:
-    """Make room again, stop the recording, and check that a new one works."""
+def _disk_has_room(robot) -> None:
+    """Make room again: the same recording goes on, and nothing is missing in its bag."""
     _limit_files(robot, resource.RLIM_INFINITY)
+    robot.pause(1.0)
+    assert "; " not in (told := robot.stop_recording()), told
+    folder = Path(told.partition(": ")[0])
+    report = verify(folder)
+    counts = report.topics["/screw/encoder"]
+    assert (counts.lost, counts.missed, counts.dropped) == (0, 0, 0), report.problems
+    assert counts.messages > 1500, "of 0.3 s before, 0.5 s during and 1 s after it"
+    shutil.rmtree(folder)
+
+
+def _record_again(robot) -> None:
+    """Stop the recording, and check that a new one works."""
     called(f"{_RECORDER}/stop")(robot)
     folder = robot.start_recording()
     robot.pause(0.3)
@@ -78,11 +92,11 @@ def _check_hardware(robot) -> None:
 ROWS = [
     goes_on("check_hardware-beside", GROUP, "check_hardware is run beside the moving robot",
             _check_hardware, "check_hardware: it only listens to a bus in use", watch=0.3),
-    goes_on("disk-full-while-recording", GROUP, "the disk is full while recording", _disk_full,
-            _RECORDER, _disk_again, watch=0.5)._replace(
+    goes_on("disk-full-while-recording", GROUP, "the disk is full for a while", _disk_full,
+            _RECORDER, _disk_has_room, watch=0.5)._replace(
         report=Report(_RECORDER, "File too large|No space")),
     goes_on("bag-deleted-while-recording", GROUP, "the bag's folder is deleted while recording",
-            lambda robot: shutil.rmtree(robot.start_recording()), _RECORDER, _disk_again,
+            lambda robot: shutil.rmtree(robot.start_recording()), _RECORDER, _record_again,
             watch=0.5)._replace(report=Report(_RECORDER, "No such file")),
     goes_on("clock-jump", GROUP, "set points with stamps of another year",
             both(_stamped(4_000_000_000), _stamped(1)), "no node: only the arrival time counts",

@@ -11,10 +11,12 @@ import pytest
 from bag_counts import SECOND, ticks
 
 from screw_module_ros.recording import mcap_file
-from screw_module_ros.recording.bag import Bag, BagError, StorageSettings
+from screw_module_ros.recording.bag import Bag, BagError, BagFullError, StorageSettings
+from screw_module_ros.recording.bag_files import files_of
 from screw_module_ros.recording.recorder import Recording, file_hashes
 from screw_module_ros.recording.records import notes
 from screw_module_ros.recording.recover import recover
+from screw_module_ros.recording.verify import verify
 
 
 @pytest.fixture
@@ -187,22 +189,107 @@ def writer(tmp_path, encoder_topic, samples, fill):
     return writer
 
 
-@pytest.mark.parametrize("room", [0, 1, 100, 3000])
-def test_bag_ends_with_the_last_flush_and_the_loss_is_told(writer, samples, fill, room):
+ROOMS = pytest.mark.parametrize("room", [0, 1, 100, 3000])
+
+
+@ROOMS
+def test_bag_on_a_full_disk_ends_with_the_last_flush_and_the_loss_is_told(
+    writer, samples, fill, room
+):
     before = (writer.folder / "bag_0.mcap").read_bytes()
     fill(room)
     writer.write(samples(1, range(100, 3000)))
-    with pytest.raises(BagError, match="writing the bag failed: No space left"):
+    with pytest.raises(BagFullError, match="waits for room on the disk: No space left"):
         writer.flush()
-    assert (writer.folder / "bag_0.mcap").read_bytes() == before
     assert ticks(writer.folder) == list(range(100))
     assert writer.message_count == 100
+    with pytest.raises(BagError, match="No space left"):
+        writer.close()
+    assert (writer.folder / "bag_0.mcap").read_bytes() == before
     with pytest.raises(BagError, match="the bag is closed"):
         writer.write(samples(1, [3000]))
     writer.close()
     assert not (writer.folder / "metadata.yaml").exists()
     fill(10**9)
     assert recover(writer.folder).messages == 100
+
+
+@ROOMS
+def test_bag_goes_on_where_it_was_when_the_full_disk_has_room(writer, samples, fill, room):
+    fill(room)
+    writer.write(samples(1, range(100, 3000)))
+    with pytest.raises(BagFullError):
+        writer.flush()
+    with pytest.raises(BagFullError):
+        writer.flush()
+    fill(10**9)
+    writer.flush()
+    writer.write(samples(1, range(3000, 3100)))
+    writer.close()
+    assert ticks(writer.folder) == list(range(3100))
+
+
+def test_bag_whose_index_had_no_room_is_closed_when_there_is(writer, fill):
+    fill(100)
+    with pytest.raises(BagFullError):
+        writer.rest()
+    fill(10**9)
+    writer.flush()
+    assert writer.rests and ticks(writer.folder) == list(range(100))
+    writer.close()
+    assert verify(writer.folder).problems == []
+
+
+def test_a_full_disk_for_seconds_ends_no_recording_and_loses_nothing(
+    writer, samples, fill, recording
+):
+    session = recording(writer)
+    for second in range(8):
+        fill(10 if 2 <= second < 5 else 10**9)
+        session.put(samples(1, range(100 + 10 * second, 110 + 10 * second)))
+        session.work(second * SECOND)
+        assert bool(session.status().held) == (2 <= second < 5)
+        assert session.status().records == (not session.status().held)
+    status = session.close()
+    assert (status.error, status.messages, status.dropped) == ("", 180, 0)
+    assert ticks(writer.folder) == list(range(180))
+    assert verify(writer.folder).problems == []
+
+
+def test_what_a_disk_that_was_full_for_long_has_cost_is_told(writer, samples, fill, recording):
+    session = recording(writer, max_cache=2**20)
+    fill(10)
+    for second in range(20):
+        session.put(samples(1, range(100 + 500 * second, 600 + 500 * second)))
+        session.work(second * SECOND)
+    lost = session.status().dropped
+    fill(10**9)
+    session.work(30 * SECOND)
+    session.put(samples(1, range(20_000, 20_010)))
+    status = session.close()
+    assert 0 < lost == status.dropped
+    assert (status.error, status.messages) == ("", 100 + 20 * 500 + 10 - lost)
+    assert any(f"{lost} not written" in each for each in verify(writer.folder).problems)
+
+
+def test_a_disk_below_its_reserve_closes_the_bag_which_goes_on_with_room(
+    writer, samples, recording
+):
+    """What came meanwhile is in a new file of the bag; a kill in between costs no earlier file."""
+    free = [10**9, 10**6, 10**6, 60 * 2**20, 10**9]
+    session = recording(writer, lambda: free[0] if len(free) == 1 else free.pop(0))
+    for turn in range(6):
+        session.put(samples(1, range(100 + turn, 101 + turn)))
+        session.work(turn * SECOND)
+        closed = (writer.folder / "metadata.yaml").is_file()
+        assert closed == bool(session.status().held) == (2 <= turn < 5), turn
+        if closed:
+            assert verify(writer.folder).problems == []
+    status = session.close()
+    assert (status.error, status.messages, status.dropped) == ("", 106, 0)
+    assert [path.name for path in files_of(writer.folder)] == ["bag_0.mcap", "bag_1.mcap"]
+    report = verify(writer.folder)
+    assert report.problems == [] and report.topics["/screw/encoder"].messages == 106
 
 
 def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fill, recording):

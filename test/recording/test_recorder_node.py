@@ -24,9 +24,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from screw_module_ros.recording.bag_files import information
 from screw_module_ros.recording.decoded import calibrations, columns, topics
 from screw_module_ros.recording.recorder import NO_ANSWER
-from screw_module_ros.recording.records import information, notes
+from screw_module_ros.recording.records import notes
 from screw_module_ros.recording.recover import recover
 from screw_module_ros.recording.verify import verify
 

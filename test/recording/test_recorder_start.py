@@ -25,9 +25,9 @@ from screw_module_ros.nodes import session_recorder
 from screw_module_ros.nodes.recording_parameters import NodeParameters
 from screw_module_ros.nodes.recording_topics import Taps, offered_by, satisfying
 from screw_module_ros.nodes.session_recorder import SessionRecorder
+from screw_module_ros.recording.bag_files import information
 from screw_module_ros.recording.definitions import UNKNOWN
 from screw_module_ros.recording.recorder import NO_ANSWER
-from screw_module_ros.recording.records import information
 
 
 @pytest.fixture

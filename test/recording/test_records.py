@@ -8,8 +8,9 @@ from bag_counts import MS, START
 from mcap_ros2.writer import Writer
 
 from screw_module_ros.recording.bag import Bag, BagError, Message
+from screw_module_ros.recording.bag_files import information
 from screw_module_ros.recording.decoded import calibrations, columns, read_bag, topics
-from screw_module_ros.recording.records import File, information, notes
+from screw_module_ros.recording.records import File, notes
 
 
 def test_columns_of_a_flat_message(bag):

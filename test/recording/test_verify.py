@@ -108,8 +108,9 @@ def test_info_shows_what_was_noted(bag, capsys):
 
 def test_recover_command(torn, capsys):
     before = (torn / "bag_0.mcap").read_bytes()
-    assert main(["recover", str(torn)]) == 0
-    assert "bag_recovered: " in capsys.readouterr().out
+    assert main(["recover", str(torn)]) == 1, "metadata.yaml states more messages"
+    out = capsys.readouterr().out
+    assert "bag_recovered: " in out and "PROBLEM the bag states 5000 messages, the copy has" in out
     assert (torn / "bag_0.mcap").read_bytes() == before
     assert main(["info", f"{torn}_recovered"]) == 0
     assert main(["recover", str(torn)]) == 1

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The records of an MCAP file in any state, at any level: whole, cut off or damaged.
+
+Reading goes from record to record by their lengths. Where that leads nowhere, it goes on at the
+next chunk whose content matches its checksum, or that can be read exactly to its end if it has
+none. So it finds every whole chunk that the index of the file names, also if the index is damaged
+or bytes were inserted. In a file without chunks, which has no checksums, it goes on where several
+messages follow one another.
+
+https://mcap.dev/spec has the layouts.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from io import BytesIO
+from typing import IO, Any, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema, Statistics
+
+from .bag import BagError
+
+HEAD = struct.Struct("<BQ")  # opcode and length of a record
+_MESSAGE = struct.Struct("<HIQQ")  # channel, number, log time, publish time; the data follow
+_CHUNK = struct.Struct("<QQQII")  # times, size, checksum, length of the compression's name
+_SIZE = struct.Struct("<Q")
+_KINDS: dict[int, Any] = {
+    Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics, Opcode.METADATA: Metadata,
+}  # fmt: skip
+_PRIVATE = 0x80  # from here on anybody may add kinds of records
+# A record of less than 4 GiB: the upper half of its length is zero.
+_CHUNK_HEAD = re.compile(rb"\x06(?=.{4}\0{4})", re.DOTALL)
+_ANY_HEAD = re.compile(rb"[\x05\x06](?=.{4}\0{4})", re.DOTALL)
+_BLOCK = 2**20
+_CHAIN = 8  # records in a row that are taken for no accident
+
+
+class Record(NamedTuple):
+    """A message: channel; number of its publisher; log and publish time [ns]; CDR bytes."""
+
+    channel_id: int
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+class Content:
+    """The bytes of a file, read in blocks.
+
+    end: of its records. largest: record or uncompressed chunk that is read [B].
+    """
+
+    def __init__(self, file: IO[bytes], end: int, largest: int):
+        self.end, self.largest = end, largest
+        self._file, self._begin, self._block = file, 0, b""
+
+    def at(self, position: int, size: int) -> bytes:
+        """Return the bytes from a position on, fewer at the end."""
+        offset = position - self._begin
+        if offset < 0 or offset + size > len(self._block):
+            self._file.seek(position)
+            self._block, self._begin, offset = self._file.read(max(size, _BLOCK)), position, 0
+        return self._block[offset : offset + min(size, max(0, self.end - position))]
+
+    def head(self, position: int) -> tuple[int, int]:
+        """Return opcode and end of the record at a position; (0, 0) if none can begin there."""
+        head = self.at(position, HEAD.size)
+        if len(head) < HEAD.size:
+            return 0, 0
+        opcode, length = HEAD.unpack(head)
+        end = position + HEAD.size + length
+        return (opcode, end) if opcode and end <= self.end else (0, 0)
+
+    def leads_on(self, position: int) -> bool:
+        """Return whether a record may begin at a position, or the file ends there."""
+        return position == self.end or self.head(position) != (0, 0)
+
+
+def records(
+    content: Content, begin: int, kinds: Collection[int], known: Callable[[int], bool]
+) -> Iterator[Any]:
+    """Yield the records of these kinds, of chunks their content; a BagError where one is damaged.
+
+    known: whether a channel is declared.
+    """
+    position, chunkless = begin, True
+    while position < content.end:
+        opcode, end = content.head(position)
+        chunkless = chunkless and opcode != Opcode.CHUNK
+        found, is_sure = _read(content, position, opcode, end) if opcode in kinds else ([], False)
+        if is_sure or (opcode and content.leads_on(end)):
+            if Opcode.DATA_END < opcode < _PRIVATE:
+                yield BagError(f"a record of no known kind at byte {position}")
+            yield from found
+            position = end
+            continue
+        place = _next(content, position + 1, known if chunkless else None)
+        is_whole = bool(found) and end <= place  # what follows it is damaged, or else its length
+        yield from found if is_whole else (each for each in found if isinstance(each, BagError))
+        begin, position = end if is_whole else position, place
+        if position > begin:
+            until = "on" if place == content.end else f"to byte {place}"
+            yield BagError(f"cut off or damaged from byte {begin} {until}")
+
+
+def _read(content: Content, position: int, opcode: int, end: int) -> tuple[list[Any], bool]:
+    """Return what a record yields, and whether a checksum says that it is whole."""
+    try:
+        body = _body(content, position, end)
+        if opcode == Opcode.CHUNK:
+            return unpacked(body, content.largest)
+        if opcode == Opcode.MESSAGE:
+            return [Record._make((*_MESSAGE.unpack_from(body), body[_MESSAGE.size :]))], False
+        return [_KINDS[opcode].read(ReadDataStream(BytesIO(body)))], False
+    except Exception as error:  # whatever a decoder or a decompression stumbles over
+        kind = "chunk" if opcode == Opcode.CHUNK else "record"
+        return [BagError(f"a {kind} at byte {position} is damaged: {error}")], False
+
+
+def _body(content: Content, position: int, end: int) -> bytes:
+    length = end - position - HEAD.size
+    if length > content.largest:
+        raise BagError(f"{length} bytes are too many for one record")
+    return content.at(position + HEAD.size, length)
+
+
+def unpacked(body: bytes, largest: int) -> tuple[list[Any], bool]:
+    """Return the declarations and messages of a chunk, and whether its checksum says so.
+
+    largest: size of its content that is accepted [B]. A checksum of 0 means that none was given.
+    The last one is a BagError if the content breaks off. Raises ValueError, BagError, or what the
+    decompression raises.
+    """
+    *_, size, checksum, named = _CHUNK.unpack_from(body)
+    at = _CHUNK.size + named
+    compression, (length,) = body[_CHUNK.size : at].decode(), _SIZE.unpack_from(body, at)
+    packed = body[at + _SIZE.size : at + _SIZE.size + length]
+    if len(packed) != length:
+        raise ValueError("it is shorter than it states")
+    if compression == "zstd":
+        size = max(size, zstandard.frame_content_size(packed))
+    if size > largest:
+        raise BagError(f"{size} bytes are too many for one")
+    if compression == "zstd":
+        data = zstandard.decompress(packed, size)
+    elif compression == "lz4":
+        data = lz4.frame.decompress(packed)
+    elif compression == "":
+        data = packed
+    else:
+        raise BagError(f"its compression {compression!r} is not known here")
+    if checksum and zlib.crc32(data) != checksum:
+        raise ValueError("its content does not match its checksum")
+    return _inner(data), bool(checksum)
+
+
+def _inner(data: bytes) -> list[Any]:
+    found: list[Any] = []
+    position, end = 0, len(data)
+    head, message, start = HEAD.unpack_from, _MESSAGE.unpack_from, HEAD.size + _MESSAGE.size
+    try:
+        while position < end:
+            opcode, length = head(data, position)
+            following = position + HEAD.size + length
+            if following > end:
+                raise ValueError("it breaks off in a record")
+            if opcode == Opcode.MESSAGE:
+                values = message(data, position + HEAD.size)
+                found.append(Record._make((*values, data[position + start : following])))
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                body = data[position + HEAD.size : following]
+                found.append(_KINDS[opcode].read(ReadDataStream(BytesIO(body))))
+            position = following
+    except Exception as error:  # whatever a decoder stumbles over
+        found.append(BagError(f"a chunk is damaged: {error}"))
+    return found
+
+
+def _next(content: Content, position: int, known: Callable[[int], bool] | None) -> int:
+    """Return where reading can go on, the end of the file without such a place.
+
+    known: whether a channel is declared; also look for messages outside of chunks.
+    """
+    wanted = _CHUNK_HEAD if known is None else _ANY_HEAD
+    while position < content.end:
+        block = content.at(position, _BLOCK)
+        for match in wanted.finditer(block):
+            place = position + match.start()
+            if block[match.start()] == Opcode.CHUNK:
+                if _is_whole(content, place):
+                    return place
+            elif known is not None and _is_chain(content, place, known):
+                return place
+        position += max(1, len(block) - HEAD.size)
+    return content.end
+
+
+def _is_whole(content: Content, position: int) -> bool:
+    """Return whether a whole chunk begins here."""
+    opcode, end = content.head(position)
+    head = content.at(position + HEAD.size, _CHUNK.size)
+    if not opcode or len(head) < _CHUNK.size or _CHUNK.unpack(head)[-1] > len("zstd"):
+        return False
+    try:
+        found, _ = unpacked(_body(content, position, end), content.largest)
+    except Exception:  # whatever its decompression stumbles over: it is no chunk
+        return False
+    return not any(isinstance(each, BagError) for each in found)
+
+
+def _is_chain(content: Content, position: int, known: Callable[[int], bool]) -> bool:
+    """Return whether a message of a known channel begins here, and further records follow it."""
+    (channel,) = struct.unpack("<H", content.at(position + HEAD.size, 2).ljust(2, b"\xff"))
+    if not known(channel):
+        return False
+    for _ in range(_CHAIN):
+        opcode, end = content.head(position)
+        if not 0 < opcode <= Opcode.DATA_END:
+            return False
+        position = end
+        if position == content.end:
+            return True
+    return True
