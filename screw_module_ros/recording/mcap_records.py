@@ -4,8 +4,8 @@
 Reading goes from record to record by their lengths. Where that leads nowhere, it goes on at the
 next chunk whose content matches its checksum, or that can be read exactly to its end if it has
 none. So it finds every whole chunk that the index of the file names, also if the index is damaged
-or bytes were inserted. In a file without chunks, which has no checksums, it goes on where several
-messages follow one another.
+or bytes were inserted. Behind messages outside of chunks, which have no checksums, it goes on where
+several messages follow one another.
 
 https://mcap.dev/spec has the layouts.
 """
@@ -23,7 +23,7 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Header, Metadata, Schema, Statistics
 
 from .bag import BagError
 
@@ -33,7 +33,7 @@ _CHUNK = struct.Struct("<QQQII")  # times, size, checksum, length of the compres
 _SIZE = struct.Struct("<Q")
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,
-    Opcode.STATISTICS: Statistics, Opcode.METADATA: Metadata,
+    Opcode.STATISTICS: Statistics, Opcode.METADATA: Metadata, Opcode.CHUNK_INDEX: ChunkIndex,
 }  # fmt: skip
 _PRIVATE = 0x80  # from here on anybody may add kinds of records
 # A record of less than 4 GiB: the upper half of its length is zero.
@@ -56,11 +56,13 @@ class Record(NamedTuple):
 class Content:
     """The bytes of a file, read in blocks.
 
-    end: of its records. largest: record or uncompressed chunk that is read [B].
+    end: of its records. largest: record or uncompressed chunk that is read [B]. chunks: places that
+    the index of the file names.
     """
 
     def __init__(self, file: IO[bytes], end: int, largest: int):
         self.end, self.largest = end, largest
+        self.chunks: set[int] = set()
         self._file, self._begin, self._block = file, 0, b""
 
     def at(self, position: int, size: int) -> bytes:
@@ -92,18 +94,25 @@ def records(
 
     known: whether a channel is declared.
     """
-    position, chunkless = begin, True
+    position, loose = begin, True  # whether messages may stand outside of chunks from here on
     while position < content.end:
         opcode, end = content.head(position)
-        chunkless = chunkless and opcode != Opcode.CHUNK
-        found, is_sure = _read(content, position, opcode, end) if opcode in kinds else ([], False)
-        if is_sure or (opcode and content.leads_on(end)):
+        if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+            loose = opcode == Opcode.MESSAGE
+        is_broken = not (opcode and content.leads_on(end))
+        found: list[Any] = []
+        is_sure = False
+        if Opcode.CHUNK in kinds and (opcode == Opcode.CHUNK or position in content.chunks):
+            found, is_sure, end = _chunk(content, position, end, is_broken)
+        elif opcode in kinds:
+            found = _read(content, position, opcode, end)
+        if is_sure or not is_broken:
             if Opcode.DATA_END < opcode < _PRIVATE:
                 yield BagError(f"a record of no known kind at byte {position}")
             yield from found
             position = end
             continue
-        place = _next(content, position + 1, known if chunkless else None)
+        place = _next(content, position + 1, known if loose else None)
         is_whole = bool(found) and end <= place  # what follows it is damaged, or else its length
         yield from found if is_whole else (each for each in found if isinstance(each, BagError))
         begin, position = end if is_whole else position, place
@@ -112,18 +121,41 @@ def records(
             yield BagError(f"cut off or damaged from byte {begin} {until}")
 
 
-def _read(content: Content, position: int, opcode: int, end: int) -> tuple[list[Any], bool]:
-    """Return what a record yields, and whether a checksum says that it is whole."""
+def _read(content: Content, position: int, opcode: int, end: int) -> list[Any]:
+    """Return a record outside of chunks, or a BagError."""
     try:
         body = _body(content, position, end)
-        if opcode == Opcode.CHUNK:
-            return unpacked(body, content.largest)
         if opcode == Opcode.MESSAGE:
-            return [Record._make((*_MESSAGE.unpack_from(body), body[_MESSAGE.size :]))], False
-        return [_KINDS[opcode].read(ReadDataStream(BytesIO(body)))], False
-    except Exception as error:  # whatever a decoder or a decompression stumbles over
-        kind = "chunk" if opcode == Opcode.CHUNK else "record"
-        return [BagError(f"a {kind} at byte {position} is damaged: {error}")], False
+            return [Record._make((*_MESSAGE.unpack_from(body), body[_MESSAGE.size :]))]
+        return [_KINDS[opcode].read(ReadDataStream(BytesIO(body)))]
+    except Exception as error:  # whatever a decoder stumbles over
+        return [BagError(f"a record at byte {position} is damaged: {error}")]
+
+
+def _chunk(
+    content: Content, position: int, end: int, is_broken: bool
+) -> tuple[list[Any], bool, int]:
+    """Return what a chunk yields, whether its checksum is right, and its end.
+
+    It states its length twice. is_broken: whether the first one, that of the record, leads nowhere.
+    """
+    head = content.at(position + HEAD.size, _CHUNK.size + len("zstd") + _SIZE.size)
+    ends = [end] if end else []
+    if len(head) >= _CHUNK.size + _SIZE.size and (named := _CHUNK.unpack_from(head)[-1]) <= 4:
+        size = head[_CHUNK.size + named :][: _SIZE.size].ljust(_SIZE.size, b"\xff")
+        own = position + HEAD.size + _CHUNK.size + named + _SIZE.size + _SIZE.unpack(size)[0]
+        if own <= content.end:
+            ends.insert(0 if is_broken else len(ends), own)
+    told = "it is cut off"
+    for place in dict.fromkeys(ends):
+        try:
+            found, is_sure = unpacked(_body(content, position, place), content.largest)
+        except Exception as error:  # whatever a decompression stumbles over
+            told = str(error)
+        else:
+            if is_sure or place == end:
+                return found, is_sure, place
+    return [BagError(f"a chunk at byte {position} is damaged: {told}")], False, end
 
 
 def _body(content: Content, position: int, end: int) -> bytes:
@@ -143,24 +175,33 @@ def unpacked(body: bytes, largest: int) -> tuple[list[Any], bool]:
     *_, size, checksum, named = _CHUNK.unpack_from(body)
     at = _CHUNK.size + named
     compression, (length,) = body[_CHUNK.size : at].decode(), _SIZE.unpack_from(body, at)
-    packed = body[at + _SIZE.size : at + _SIZE.size + length]
-    if len(packed) != length:
+    rest = body[at + _SIZE.size :]
+    if not checksum and len(rest) < length:
         raise ValueError("it is shorter than it states")
+    told: Exception = ValueError("its content does not match its checksum")
+    for packed in dict.fromkeys((rest[:length], rest)):  # of two lengths one may be damaged
+        try:
+            data = _decompressed(packed, compression, size, largest)
+        except Exception as error:  # whatever a decompression stumbles over
+            told = error
+            continue
+        if not checksum or zlib.crc32(data) == checksum:
+            return _inner(data), bool(checksum)
+    raise told
+
+
+def _decompressed(packed: bytes, compression: str, size: int, largest: int) -> bytes:
     if compression == "zstd":
         size = max(size, zstandard.frame_content_size(packed))
     if size > largest:
         raise BagError(f"{size} bytes are too many for one")
     if compression == "zstd":
-        data = zstandard.decompress(packed, size)
-    elif compression == "lz4":
-        data = lz4.frame.decompress(packed)
-    elif compression == "":
-        data = packed
-    else:
-        raise BagError(f"its compression {compression!r} is not known here")
-    if checksum and zlib.crc32(data) != checksum:
-        raise ValueError("its content does not match its checksum")
-    return _inner(data), bool(checksum)
+        return zstandard.decompress(packed, size)
+    if compression == "lz4":
+        return lz4.frame.decompress(packed)
+    if compression == "":
+        return packed
+    raise BagError(f"its compression {compression!r} is not known here")
 
 
 def _inner(data: bytes) -> list[Any]:

@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Header, Metadata, Schema, Statistics
 
 from .bag import PREFIX, BagError, Topic
 from .bag_files import ZSTD, files_of, information, opened
@@ -27,6 +27,7 @@ LARGEST = 100 * 2**20
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the index and of its offsets, checksum
 _DECLARATIONS = {Opcode.SCHEMA, Opcode.CHANNEL}
+_INDEX = {Opcode.CHUNK_INDEX, *_DECLARATIONS}
 _NOTES = {Opcode.METADATA}
 _DATA = {
     Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE, Opcode.STATISTICS, *_DECLARATIONS, *_NOTES
@@ -166,8 +167,11 @@ class File:
             )
             return
         within = Content(BytesIO(index), len(index), LARGEST)
-        for record in records(within, 0, _DECLARATIONS, lambda channel: False):
-            self._declare(record)
+        for record in records(within, 0, _INDEX, lambda channel: False):
+            if isinstance(record, ChunkIndex):
+                content.chunks.add(record.chunk_start_offset)
+            else:
+                self._declare(record)
 
     def _declare(self, record: Any) -> None:
         """Take a declaration; the first one of a channel counts, as a later one is the same."""
