@@ -258,7 +258,7 @@ class DriveLogic:
             return f"the {self._label} is in {state.text}"
         if beat_ns is not None:
             if now_ns - max(beat_ns, self._started_ns) > self._silence_ns:
-                self.lost = True
+                self.lost = state is not State.UNKNOWN  # it answers SYNC, and beats no more
                 return f"the heartbeat of the {self._label} is missing"
             # Heartbeats from before and just after the start still carry the old state.
             settled = beat_ns - self._started_ns > self._silence_ns

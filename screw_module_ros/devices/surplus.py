@@ -36,9 +36,9 @@ class Surplus:
         """
         came, self._due = due - self._due, due
         lost, self._missed = missed - self._missed, missed
-        level = self._level
+        level = self._level - lost  # what came since makes good for it
         eased = max(0.0, level - _EASED * came) if level > 0.0 else min(0.0, level + came)
-        self._level = eased - lost + 1.0
+        self._level = eased + 1.0
         if self._level < MANY:
             return False
         self._level = 0.0
@@ -46,19 +46,25 @@ class Surplus:
 
 
 class Beats:
-    """Heartbeats of one device, of which each period [ns] brings one; two bring a surplus."""
+    """Heartbeats of one device, of which each period [ns] brings one; two bring a surplus.
+
+    Of two devices one comes when it is due, and one in between. Who beats faster than he was told,
+    or whose heartbeats have waited unread, is one device: then none comes when it is due.
+    """
 
     def __init__(self) -> None:
         self.period_ns = 0  # 0: unknown
         self._surplus = Surplus()
-        self._due = self._missed = 0
+        self._due = self._paired = 0
 
     def note(self, gap_ns: int) -> bool:
         """Take in one that came gap_ns [ns] after the last; return whether two devices beat."""
         if not self.period_ns:
             return False
-        if 2 * gap_ns < self.period_ns:
-            return self._surplus.note(self._due, self._missed)
-        self._due += 1
-        self._missed += max(0, round(gap_ns / self.period_ns) - 1)
-        return False
+        if 2 * gap_ns >= self.period_ns:
+            self._due += 1
+            return False
+        if self._due == self._paired:
+            return False
+        self._paired = self._due
+        return self._surplus.note(self._due, 0)

@@ -239,12 +239,13 @@ def test_the_table_of_profiles_is_told_once(make_node, monkeypatch):
     node = make_node("amplifier")
     monkeypatch.setattr(node.get_logger(), "error", told.append)
     bench = Bench()
-    dictionary = bench.rig.devices["drive"].node.object_dictionary
-    del dictionary.indices[0x6076]
+    del bench.rig.devices["drive"].node.object_dictionary.indices[0x6502]
     bench.clock.sleep(0.1)
-    for _ in range(3):
-        with pytest.raises(Refused, match="6076"):
-            node.configure_device(bench.drive)
-    bench.close()
+    try:
+        for _ in range(3):
+            with pytest.raises(Refused, match="6502"):
+                node.configure_device(bench.drive)
+    finally:
+        bench.close()
     (table,) = told
     assert "profiles closest to the drive" in table

@@ -60,6 +60,7 @@ def made(make_node):
     def make(name: str, device: object):
         node = make_node(name, "-r", f"__ns:={NAMESPACE}")
         node.device, node.clock = device, PatientClock(1)
+        node.port = SimpleNamespace(failed=False)
         node.part = SimpleNamespace(requests=SimpleNamespace(ask=lambda act, clock: act()))
         return node
 
