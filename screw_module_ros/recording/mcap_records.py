@@ -84,7 +84,9 @@ class Content:
 
     def leads_on(self, position: int) -> bool:
         """Return whether a record may begin at a position, or the file ends there."""
-        return position == self.end or self.head(position) != (0, 0)
+        return (
+            position == self.end or position in self.chunks or self.head(position) != (0, 0)
+        )
 
 
 def records(
@@ -191,17 +193,20 @@ def unpacked(body: bytes, largest: int) -> tuple[list[Any], bool]:
 
 
 def _decompressed(packed: bytes, compression: str, size: int, largest: int) -> bytes:
-    if compression == "zstd":
-        size = max(size, zstandard.frame_content_size(packed))
-    if size > largest:
-        raise BagError(f"{size} bytes are too many for one")
-    if compression == "zstd":
-        return zstandard.decompress(packed, size)
-    if compression == "lz4":
-        return lz4.frame.decompress(packed)
+    """Return the content; size: as the chunk states it, for a compression that has none."""
     if compression == "":
         return packed
-    raise BagError(f"its compression {compression!r} is not known here")
+    if compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=largest + 1)
+        size = len(data)
+    elif compression == "zstd":
+        told = zstandard.frame_content_size(packed)
+        size = told if told >= 0 else size
+    else:
+        raise BagError(f"its compression {compression!r} is not known here")
+    if size > largest:
+        raise BagError(f"more than {largest} bytes are too many for one")
+    return data if compression == "lz4" else zstandard.decompress(packed, size)
 
 
 def _inner(data: bytes) -> list[Any]:
@@ -229,20 +234,25 @@ def _inner(data: bytes) -> list[Any]:
 def _next(content: Content, position: int, known: Callable[[int], bool] | None) -> int:
     """Return where reading can go on, the end of the file without such a place.
 
-    known: whether a channel is declared; also look for messages outside of chunks.
+    That is a whole chunk, which the index names or which is found. known: whether a channel is
+    declared; also look for messages outside of chunks.
     """
     wanted = _CHUNK_HEAD if known is None else _ANY_HEAD
-    while position < content.end:
+    named = (place for place in sorted(content.chunks) if position <= place < content.end)
+    last = next((place for place in named if _chunk(content, place, 0, True)[1]), content.end)
+    while position < last:
         block = content.at(position, _BLOCK)
         for match in wanted.finditer(block):
             place = position + match.start()
+            if place >= last:
+                return last
             if block[match.start()] == Opcode.CHUNK:
                 if _is_whole(content, place):
                     return place
             elif known is not None and _is_chain(content, place, known):
                 return place
         position += max(1, len(block) - HEAD.size)
-    return content.end
+    return last
 
 
 def _is_whole(content: Content, position: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,18 @@ def test_a_zeroed_header(recovered, count):
 @given(share=PLACE)
 def test_a_cut(recovered, share):
     judged(recovered, recovered.content[: int(share * len(recovered.content))])
+
+
+@pytest.mark.parametrize("source", ["zstd", "lz4", "chunked"], indirect=True)
+def test_a_flipped_bit_in_each_byte_of_a_chunks_head(recovered):
+    """The library goes to a chunk by the index, whatever opcode, length and size it states."""
+    content = recovered.content
+    heads = [match.start() for match in re.finditer(rb"\x06.{2}\0{6}", content, re.DOTALL)]
+    middle = next(place for place in heads if place > len(content) // 2)
+    for place in range(middle, middle + 60):
+        changed = bytearray(content)
+        changed[place] ^= 1 << (place - middle) % 8
+        judged(recovered, bytes(changed))
 
 
 @pytest.mark.parametrize("source", ["zstd"], indirect=True)
