@@ -83,6 +83,11 @@ def canonical(node: Any) -> str:
     return "" if node is None else f"{type(node).__name__}:{ascii(node)}"
 
 
+def canonical_source(text: str) -> str:
+    """Return a module's source as text that is equal where the code is. Raises SyntaxError."""
+    return canonical(ast.parse(text))
+
+
 class _Part(NamedTuple):
     """A statement of a module, or of a class in it, that binds or changes a name."""
 

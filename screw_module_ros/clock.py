@@ -39,10 +39,12 @@ class Arrivals(Protocol):
 class Clock:
     """Interface of a clock; times in ns, comparable within one robot.
 
-    simulated: time advances in steps and may be slower than real time.
+    simulated: time advances in steps and may be slower than real time. work_ns: processor time that
+    the calling thread has used [ns], None where time stands still meanwhile.
     """
 
     simulated = False
+    work_ns: Callable[[], int] | None = None
 
     def now_ns(self) -> int:
         """Return the time: monotonic [ns]."""
@@ -137,6 +139,7 @@ class WallClock(Clock):
 
     now_ns = staticmethod(time.monotonic_ns)
     stamp_ns = staticmethod(time.time_ns)
+    work_ns = staticmethod(time.thread_time_ns)
 
     def sleep_until(self, due_ns: int) -> None:
         """Return when it is `due_ns`."""

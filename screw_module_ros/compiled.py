@@ -34,12 +34,13 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "forceinline": True}
 
 @functools.cache
 def compiled(function: Callable) -> Callable:
-    """Return the compiled twin of a pure module-level function.
+    """Return the compiled twin of a pure function.
 
     Functions it calls must be module-level functions imported by name (`from .friction import
-    steady_level`) or functions of `math`, and may not call themselves. Compilation happens at the
-    first call with arguments of a new type (seconds), or is read from the disk cache (a fraction of
-    one). Raises ImportError when numba is missing.
+    steady_level`), functions in its closure, such as those of a law in its envelope, or functions
+    of `math`, and may not call themselves. A closure is compiled once if it is made once.
+    Compilation happens at the first call with arguments of a new type (seconds), or is read from
+    the disk cache (a fraction of one). Raises ImportError when numba is missing.
     """
     import numba
     from numba.extending import register_jitable
@@ -101,12 +102,13 @@ def _plain(value: Any) -> Any:
 
 
 def _reached(function: Callable) -> set[Callable]:
-    """Return the module-level functions that `function` reaches, itself included."""
+    """Return the functions that `function` reaches, by its module or its closure, itself too."""
     found, waiting = set(), [function]
     while waiting:
         current = waiting.pop()
         found.add(current)
-        named = (current.__globals__.get(name) for name in current.__code__.co_names)
+        named = [current.__globals__.get(name) for name in current.__code__.co_names]
+        named += [cell.cell_contents for cell in current.__closure__ or ()]
         waiting += [f for f in named if isinstance(f, types.FunctionType) and f not in found]
     return found
 
@@ -114,7 +116,10 @@ def _reached(function: Callable) -> set[Callable]:
 def _cache_folder(functions: set[Callable]) -> Path | None:
     """Return the folder of these sources' machine code, None where none can be written."""
     files = {Path(function.__code__.co_filename) for function in functions}
-    for folder in (_ROOT, _ROOT / "control", _ROOT / "plant"):  # constants come from there
+    for folder in (
+        _ROOT,
+        *(_ROOT / room for room in ("control", "control/laws", "plant")),
+    ):  # constants come from there
         files.update(folder.glob("*.py"))
     digest = hashlib.sha256(sys.version.encode())
     for file in sorted(files):

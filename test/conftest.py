@@ -115,9 +115,9 @@ def kept(request: pytest.FixtureRequest) -> Callable[..., None]:
 @pytest.fixture
 def bench():
     """A robot in one thread that is connected, homed, tared and not enabled."""
-    from screw_module_ros.trials.one_thread import Bench  # most tests need no robot
+    from screw_module_ros.trials.one_thread import OneThreadRobot  # most tests need no robot
 
-    made = Bench()
+    made = OneThreadRobot()
     made.ready()
     yield made
     made.close()

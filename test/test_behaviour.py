@@ -5,15 +5,21 @@ import ast
 import importlib
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import screw_module_ros
 from screw_module_ros.behaviour import canonical, digest
+from screw_module_ros.calibration.version import law_version
+from screw_module_ros.control.envelope import enveloped, initial_state
+from screw_module_ros.control.laws import thesis
 from screw_module_ros.control.planar import planar_step
-from screw_module_ros.control.vertical import initial_state, vertical_step
 
-LAW = (vertical_step, initial_state)
+LAW = (
+    enveloped, initial_state, thesis.foresee, thesis.ask, thesis.helps, thesis.rest,
+    thesis.new_memory, thesis.own_numbers,
+)  # fmt: skip
 SHIPPED = digest(*LAW)
 CONTROL = "screw_module_ros.control"
 FILTERS = "screw_module_ros.filters"
@@ -36,13 +42,13 @@ def changed(module: str, old: str, new: str) -> dict[str, str]:
     ("module", "old", "new"),
     [
         (f"{CONTROL}.guard", "resistance that the handle shall show", "the least resistance"),
-        (f"{CONTROL}.vertical", "# as it is sent, after all limits", ""),
-        (f"{CONTROL}.vertical", '"""Return whether the inputs can be real;', '"""Whether so;'),
+        (f"{CONTROL}.envelope", "# as it is sent, after all limits", ""),
+        (f"{CONTROL}.envelope", '"""Return whether the inputs can be real;', '"""Whether so;'),
         (f"{CONTROL}.observer", '"""Commands remembered; the observer', '"""Remembered; it'),
-        (f"{CONTROL}.vertical", " share = dt / p.fade_time\n", "\n    share = (dt/p.fade_time)\n"),
+        (f"{CONTROL}.envelope", " share = dt / p.fade_time\n", "\n    share = (dt/p.fade_time)\n"),
         (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2.00"),
-        (f"{CONTROL}.vertical", "position: float) -> VerticalOutput", "position) -> object"),
-        (f"{CONTROL}.vertical", "    base: float = 0.0", "    base: 'object' = 0.0"),
+        (f"{CONTROL}.envelope", "position: float) -> VerticalOutput", "position) -> object"),
+        (f"{CONTROL}.envelope", "    base: float = 0.0", "    base: 'object' = 0.0"),
         # Never reached: the settings' ranges and defaults, the encoder's filter, the plane.
         (f"{CONTROL}.vertical_settings", "0.0, 50.0, live=True", "0.0, 60.0, live=True"),
         (FILTERS, "LONGEST_GAP = 10", "LONGEST_GAP = 11"),
@@ -61,21 +67,25 @@ def test_what_has_no_effect_on_the_vertical_law_leaves_its_digest(module, old, n
         (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2.001"),
         (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2"),
         (f"{CONTROL}.limits", "LONGEST_STEP =", "LONGEST_STEP = 2.0 *"),
-        (f"{CONTROL}.vertical", "impedance + gravity + friction", "impedance - gravity + friction"),
-        (f"{CONTROL}.vertical", "    base: float = 0.0", "    base: float = 1.0"),
+        (f"{CONTROL}.envelope", "impedance + gravity + friction", "impedance - gravity + friction"),
+        (f"{CONTROL}.envelope", "    base: float = 0.0", "    base: float = 1.0"),
         (f"{CONTROL}.observer", "stood: float = RESTING_TIME", "stood: float = 0.0"),
         (f"{CONTROL}.friction", "def hysteresis(", "@cached\ndef hysteresis("),
-        (f"{CONTROL}.modes", "return mode == OBSERVER", "return mode >= OBSERVER"),
+        (f"{CONTROL}.laws.thesis", "u.mode == OBSERVER", "u.mode >= OBSERVER"),
         (FILTERS, "warped / (1.0 + warped)", "warped / (1.1 + warped)"),
         (FILTERS, "recent: float = RECENT", "recent: float = 0.5"),
-        (f"{CONTROL}.vertical", "smoothed, tune\n", "smoothed, rapid as tune\n"),
-        (f"{CONTROL}.vertical", "HELD = 0.8", "HELD = 0.8\nHELD += 0.1"),
+        (f"{CONTROL}.envelope", "smoothed, tune\n", "smoothed, rapid as tune\n"),
+        (f"{CONTROL}.laws.thesis", "HELD = 0.8", "HELD = 0.8\nHELD += 0.1"),
         (f"{CONTROL}.vertical_settings", "2.0 * ratio * math.sqrt", "2.0 * ratio * math.exp"),
         (f"{CONTROL}.guard", "import math\n", "import cmath as math\n"),
     ],
 )
 def test_what_the_vertical_law_reaches_changes_its_digest(module, old, new):
     assert digest(*LAW, texts=changed(module, old, new)) != SHIPPED
+
+
+def test_it_is_the_version_of_the_shipped_law():
+    assert law_version() == SHIPPED
 
 
 def test_each_law_has_its_own_and_the_plane_sees_its_own_change():
@@ -88,7 +98,8 @@ def test_each_law_has_its_own_and_the_plane_sees_its_own_change():
 def reached(text: str, other: str = "") -> str:
     """Return the digest of the vertical law's file when it holds a text alone, limits another."""
     return digest(
-        vertical_step, texts={f"{CONTROL}.vertical": text, f"{CONTROL}.limits": other}
+        SimpleNamespace(__module__=f"{CONTROL}.vertical", __name__="vertical_step"),
+        texts={f"{CONTROL}.vertical": text, f"{CONTROL}.limits": other}
     )  # fmt: skip
 
 
@@ -154,14 +165,16 @@ def as_parsed_elsewhere(tree: ast.Module) -> ast.Module:
 def test_trees_of_other_pythons_are_the_same_text():
     here = canonical(ast.parse(LAW_TEXT))
     assert canonical(as_parsed_elsewhere(ast.parse(LAW_TEXT))) == here
-    assert len(canonical(as_parsed_elsewhere(ast.parse(source(f"{CONTROL}.vertical"))))) > 10_000
+    assert len(canonical(as_parsed_elsewhere(ast.parse(source(f"{CONTROL}.envelope"))))) > 10_000
 
 
 OF_ANOTHER_PYTHON = f"""
 from types import SimpleNamespace
 from screw_module_ros.behaviour import digest
-names = "vertical_step", "initial_state"
-print(digest(*(SimpleNamespace(__module__="{CONTROL}.vertical", __name__=n) for n in names)))
+law = {{"envelope": ("enveloped", "initial_state"),
+       "laws.thesis": ("foresee", "ask", "helps", "rest", "new_memory", "own_numbers")}}
+print(digest(*(SimpleNamespace(__module__=f"{CONTROL}.{{module}}", __name__=name)
+               for module, names in law.items() for name in names)))
 """
 
 

@@ -18,7 +18,8 @@ from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import profiles, session_command
 from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
-from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OBSERVER
+from screw_module_ros.control.laws import all_names, names, thesis
+from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.nodes import bringup
@@ -129,8 +130,8 @@ def test_the_damping_that_the_page_names_is_enough_for_mode_observer():
     text = (ROOT / "docs/control.md").read_text(encoding="utf-8")
     damping, stiffness = map(float, re.search(r"([\d.]+) Ns/m\s+at (\d+) N/m", text).groups())
     law = VerticalSettings(stiffness=stiffness, damping=damping)
-    assert law.refusal(OBSERVER) == ""
-    assert law._replace(damping=damping - 0.1).refusal(OBSERVER)
+    assert thesis.refusal(law, OBSERVER) == ""
+    assert thesis.refusal(law._replace(damping=damping - 0.1), OBSERVER)
 
 
 def test_every_field_of_a_message_says_what_it_is():
@@ -143,13 +144,13 @@ def test_every_field_of_a_message_says_what_it_is():
 
 
 def test_every_mode_is_where_a_reader_looks_for_it():
-    modes = {f"{number} {name}" for number, name in MODE_NAMES.items()}
+    modes = {f"{number} {name}" for number, name in names().items()}
     for page, told in (("first_run", modes), ("control", modes - {"0 OFF"})):
         text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
         assert set(re.findall(r"^\| (\d [A-Z_]+) \|", text, re.M)) == told, page
     text = (ROOT / "msg_defs/srv/SetControlMode.srv").read_text(encoding="utf-8")
     assert {f"{number} {name}" for name, number in re.findall(r"([A-Z_]+) (\d)", text)} == modes
-    assert all(getattr(ForceCommand, name) == number for number, name in ALL_NAMES.items())
+    assert all(getattr(ForceCommand, name) == number for number, name in all_names().items())
 
 
 def test_make_targets():

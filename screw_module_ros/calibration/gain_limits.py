@@ -19,18 +19,16 @@ encoder's velocity filter belong to other nodes: they are written down for who r
 
 from __future__ import annotations
 
-import functools
 import hashlib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from ..behaviour import digest
-from ..control.modes import FORCE_GAINS
-from ..control.vertical import initial_state, vertical_step
+from ..control.laws import gains_of
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, SettingError, fields, problem
 from ..settings_file import load, read_file, read_text
 from .module import check_serial
+from .version import law_version
 
 FORMAT = "screw_module_ros/gain_limits"
 VERSION = 2
@@ -209,7 +207,7 @@ class GainLimits(NamedTuple):
 
         rate: of the controller [Hz].
         """
-        for name in (name for name, uses in FORCE_GAINS.items() if uses(mode)):
+        for name in gains_of(mode):
             beyond = self.conditions.departure(name, settings, rate) or self._excess(name, settings)
             if beyond:
                 asked, limit = beyond
@@ -278,16 +276,6 @@ def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
             f"software has {law_version()}: {_AGAIN}, or empty gain_limits_file"
         )
     return limits
-
-
-@functools.cache
-def law_version() -> str:
-    """Return the version of the vertical law: the digest of what its step reaches.
-
-    What `behaviour.digest` does not see stands in the conditions as far as the linear model depends
-    on it: values of settings, rate and delay of the loop, the encoder's filter.
-    """
-    return digest(vertical_step, initial_state)
 
 
 def text_checksum(text: str) -> str:

@@ -8,7 +8,6 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
 from .limits import CommandLimits
-from .modes import uses_observer
 
 KNOWN_SHARE = 0.7
 """Of the mass that OBSERVER's force gain leaves, to carry where a calibration measured it: a mass
@@ -196,17 +195,6 @@ class VerticalSettings(NamedTuple):
     def least_damping(self) -> float:
         """Smallest damping with which OBSERVER brings a released handle to rest [Ns/m]."""
         return least_damping(self, self.stiffness)
-
-    def refusal(self, mode: int) -> str:
-        """Return why these settings cannot run in a mode, empty when they can."""
-        if not uses_observer(mode) or self.damping >= self.least_damping:
-            return ""
-        return (
-            f"mode OBSERVER with a stiffness of {self.stiffness:g} N/m needs a damping of "
-            f"{math.ceil(10.0 * self.least_damping) / 10.0:g} Ns/m or more, because it takes the "
-            f"friction away that would bring a released handle to rest; it is {self.damping:g} "
-            "Ns/m: raise the damping first, or choose another mode"
-        )
 
 
 def least_damping(p: VerticalSettings, stiffness: float) -> float:

@@ -19,11 +19,14 @@ import numpy as np
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
+from ..control.envelope import initial_state
 from ..control.friction import FrictionModel
+from ..control.law import Law, Robot
+from ..control.laws import law_of, loaded
+from ..control.laws.thesis import THESIS
 from ..control.limits import CommandLimits
 from ..control.linearization import IDENTITY, default_linearization
 from ..control.torque_chain import TorqueChain
-from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
 from ..geometry import COUNTS_PER_TURN, counts_to_height
@@ -58,7 +61,7 @@ from .vertical_loop import (
     LoopParams,
     LoopState,
     Transducer,
-    run_ticks,
+    ticks_of,
 )
 
 LoopTrial = TorqueTrial | StageTrial | MotionTrial
@@ -100,12 +103,20 @@ class InProcessBench:
 
     seed: of the noise and of the transducer's zeros. A command acts after a whole number of
     substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
+    laws: of others, as `control.laws.load` takes them; their modes are for MotionTrials, with the
+    laws' default settings.
     """
 
     offers = frozenset({*WAYS_OUT, TRUTH})
     serial = ""
 
-    def __init__(self, world: WorldSettings, loop: LoopSettings | None = None, seed: int = 1):
+    def __init__(
+        self,
+        world: WorldSettings,
+        loop: LoopSettings | None = None,
+        seed: int = 1,
+        laws: tuple[str, ...] = (),
+    ):
         self.world = world
         self.loop = validated(loop or LoopSettings())
         self.rate = self.loop.rate
@@ -113,11 +124,11 @@ class InProcessBench:
         self.name = f"in process, seed {seed}, {digest}"
         self.seed = seed
         self._thesis = thesis_friction()
-        self._run = compiled(run_ticks)
+        self._paths, self._laws = laws, loaded(laws)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one bench each for many trials."""
-        return _bench_of_process, (self.world, self.loop, self.seed)
+        return _bench_of_process, (self.world, self.loop, self.seed, self._paths)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
@@ -127,8 +138,10 @@ class InProcessBench:
             return plane_samples(self.world, trial, self.seed, on_progress)
         hand = _hand_in(trial)
         motion: Any = hand.motion if hand else trial
-        params = self._params(motion)
-        force, torque, state = self._zero(params, self._start(trial, params))
+        modes_of = (motion.mode, hand.then_mode) if hand else ()
+        law = next(filter(None, (law_of(mode, self._laws) for mode in modes_of)), THESIS)
+        params = self._params(motion, law)
+        force, torque, state = self._zero(law, params, self._start(trial, law, params))
         t = params.transducer
         t = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
         params = params._replace(transducer=t)
@@ -136,31 +149,32 @@ class InProcessBench:
         if hand:
             plant = params.plant._replace(grip=hand.grip)
             params = params._replace(plant=plant, path=hand.before)
-            _, state = self._ticks(params, state, _SETTLE_S)
+            _, state = self._ticks(law, params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
         if isinstance(trial, StageTrial):
-            rows, state = self._driven(trial, params, state, on_progress)
+            rows, state = self._driven(trial, law, params, state, on_progress)
         else:
-            rows, state = self._moved(duration_of(trial), hand, params, state, on_progress)
-        force, torque, _ = self._zero(params, state)
+            rows, state = self._moved(duration_of(trial), hand, law, params, state, on_progress)
+        force, torque, _ = self._zero(law, params, state)
         return samples_of(rows, params, force, torque)
 
     def _driven(
-        self, trial: StageTrial, params: LoopParams, state: LoopState, on_progress: OnProgress
-    ) -> tuple[np.ndarray, LoopState]:
+        self, trial: StageTrial, law: Law, params: LoopParams, state: LoopState,
+        on_progress: OnProgress,
+    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
         """Return the samples of each of the stage's ways, with its braking."""
         ways = []
         for _, end in trial.ways:
             seconds = duration_of(trial) / len(trial.ways) + _BRAKING_S
             there = params._replace(stage_target=float(end))
-            rows, state = self._ticks(there, state, seconds, on_progress)
+            rows, state = self._ticks(law, there, state, seconds, on_progress)
             ways.append(rows)
         return np.concatenate(ways), state
 
     def _moved(
-        self, length: float, hand: HandTrial | None, params: LoopParams, state: LoopState,
-        on_progress: OnProgress,
+        self, length: float, hand: HandTrial | None, law: Law, params: LoopParams,
+        state: LoopState, on_progress: OnProgress,
     ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
         """Return the samples; the hand lets go, or the mode changes, between two of them."""
         until, later = length, params
@@ -168,8 +182,8 @@ class InProcessBench:
             until, later = hand.motion.released_after, params._replace(fixture=FREE)
         if hand and hand.switched_after < until:
             until, later = hand.switched_after, params._replace(mode=hand.then_mode)
-        rows, state = self._ticks(params, state, until, on_progress)
-        changed, state = self._ticks(later, state, length - until, on_progress)
+        rows, state = self._ticks(law, params, state, until, on_progress)
+        changed, state = self._ticks(law, later, state, length - until, on_progress)
         return np.concatenate((rows, changed)), state
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
@@ -181,7 +195,7 @@ class InProcessBench:
             shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
-    def _params(self, trial: LoopTrial) -> LoopParams:
+    def _params(self, trial: LoopTrial, law: Law) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
         own = sensor_params(w.sensor, self.seed)
@@ -216,7 +230,7 @@ class InProcessBench:
             amperes=1.0 / loop.torque_constant,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
             law=VerticalSettings(),
-            friction=self._thesis,
+            own=self._own(law, VerticalSettings(), self._thesis),
             path=resting(_HUNG_AT),
             period=steps * substep,
             steps=steps,
@@ -233,29 +247,41 @@ class InProcessBench:
             counts=w.start.counts_per_turn,
             volt_counts=loop.volt_counts,
         )
-        return asked_for(quiet, trial, self._thesis)
+        if isinstance(trial, MotionTrial):
+            settings = trial.settings.validated()
+            own = self._own(law, settings, trial.friction or self._thesis)
+            quiet = quiet._replace(law=settings, own=own)
+        return asked_for(quiet, trial)
 
-    def _start(self, trial: Trial, params: LoopParams) -> LoopState:
+    def _own(self, law: Law, settings: VerticalSettings, friction: FrictionModel) -> Any:
+        """Return what the law's functions get; a law of others has its default settings."""
+        chosen = settings if law.settings is VerticalSettings else law.settings()
+        return law.own(chosen, Robot(friction, settings.mass, settings.gravity))
+
+    def _start(self, trial: Trial, law: Law, params: LoopParams) -> LoopState:
         """Return the state after power-on, with the handle held by friction.
 
         Every trial has its own noise, which is the same in each repetition.
         """
         noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
-        law, nothing = packed(initial_state(params.law)), np.zeros(params.late // params.steps + 1)
+        memory = packed(initial_state(params.law, law, params.own))
+        nothing = np.zeros(params.late // params.steps + 1)
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
-            0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0, nothing, CurrentSensorState(),
-            0.0, *noise,
+            0, 0.0, module, memory, velocity_settled(_HUNG_AT), 0.0, nothing,
+            CurrentSensorState(), 0.0, *noise,
         )  # fmt: skip
 
-    def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
+    def _zero(
+        self, law: Law, params: LoopParams, state: LoopState
+    ) -> tuple[float, float, LoopState]:
         """Return the mean force [N] and torque [Nm] without load, and the state after it."""
         quiet = params._replace(kind=REST)
         if params.fixture != LOCKED_ROTOR:
             hung = resting_state(self.world.vertical, _HUNG_AT, params.upright)
             quiet = quiet._replace(fixture=FREE)
             state = state._replace(module=hung)
-        rows, state = self._ticks(quiet, state, 2.0 * ZERO_S)
+        rows, state = self._ticks(law, quiet, state, 2.0 * ZERO_S)
         calm = rows[len(rows) // 2 :]  # filters and currents settle in the first half
         return float(calm[:, 2].mean()), float(calm[:, 3].mean()), state
 
@@ -269,26 +295,29 @@ class InProcessBench:
 
     def _ticks(
         self,
+        law: Law,
         params: LoopParams,
         state: LoopState,
         seconds: float,
         on_progress: OnProgress = lambda share: None,
     ) -> tuple[np.ndarray, LoopState]:
         rows = np.empty((round(seconds / params.period), COLUMNS))
-        ready = packed(params)
+        ready, run = packed(params), compiled(ticks_of(law))
         for begin in range(0, len(rows), _CHUNK):
             on_progress(begin / len(rows))
-            state = self._run(ready, state, rows[begin : begin + _CHUNK])
+            state = run(ready, state, rows[begin : begin + _CHUNK])
         return rows, state
 
 
 @functools.lru_cache(maxsize=1)
-def _bench_of_process(world: WorldSettings, loop: LoopSettings, seed: int) -> InProcessBench:
-    return InProcessBench(world, loop, seed)
+def _bench_of_process(
+    world: WorldSettings, loop: LoopSettings, seed: int, laws: tuple[str, ...]
+) -> InProcessBench:
+    return InProcessBench(world, loop, seed, laws)
 
 
-def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> LoopParams:
-    """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
+def asked_for(quiet: LoopParams, trial: LoopTrial) -> LoopParams:
+    """Return the parameters `quiet` with those of the trial."""
     if isinstance(trial, TorqueTrial):
         return quiet._replace(
             kind=SINE,
@@ -309,8 +338,6 @@ def asked_for(quiet: LoopParams, trial: LoopTrial, thesis: FrictionModel) -> Loo
         kind=LAW,
         fixture=HUMAN_ARM,
         mode=trial.mode,
-        law=trial.settings.validated(),
-        friction=trial.friction or thesis,
         chain=quiet.chain._replace(linearization=trial.linearization or default_linearization()),
         centre=float(trial.centre),
         path=resting(float(trial.centre)),

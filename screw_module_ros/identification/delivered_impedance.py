@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..control import modes
+from ..control.laws import variants
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting
 from . import calibration, force_error
@@ -91,7 +92,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     return result
 
 
-_NAMES = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
+_NAMES = {mode: variant.name.lower() for mode, variant in variants().items()}
 _NOTES = (
     "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
     "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "

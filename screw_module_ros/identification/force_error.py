@@ -24,6 +24,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ..control import modes
+from ..control.laws import names, variants
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting
 from . import friction_model, gravity, inertia, static_torque
@@ -88,9 +89,8 @@ class Settings(NamedTuple):
     """Modes, trials, and the law's impedance."""
 
     modes: Annotated[
-        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(modes.MODE_NAMES))
-    ] = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
-         modes.OBSERVER)
+        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(names()))
+    ] = tuple(variants())
     cases: Annotated[
         tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
     ] = tuple(CASES)
@@ -133,7 +133,7 @@ def _measured(
             for end, (law, said, more) in laws.items():
                 name, own = f"{name_of(mode, case)}{end}", with_damping(law, mode)
                 trials[name] = trial_of(case, mode, own, settings.side_force, **more)
-                where[name] = f"{modes.MODE_NAMES[mode].lower()}, {CASES[case].text}{said}"
+                where[name] = f"{names()[mode].lower()}, {CASES[case].text}{said}"
     data = {
         name: np.array(ErrorOf(**{key: float(value) for key, value in part.items()}))
         for name, part in lab.record(experiment, trials, reduced).items()
@@ -148,12 +148,12 @@ def _measured(
 
 def name_of(mode: int, case: str) -> str:
     """Return the name of a trial of a case in a mode."""
-    return f"{modes.MODE_NAMES[mode].lower()}_{case}"
+    return f"{names()[mode].lower()}_{case}"
 
 
 def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
     """Return the law, in OBSERVER with at least its least damping."""
-    if modes.uses_observer(mode):
+    if mode == modes.OBSERVER:
         return law._replace(damping=max(law.damping, law.least_damping))
     return law
 
@@ -189,7 +189,7 @@ def draw(result: Result) -> Drawn:
     """Draw the rms error of every mode in every trial as a map."""
     cases = list(result.settings["cases"])
     rows = {
-        modes.MODE_NAMES[mode].lower().replace("_", " "): [
+        names()[mode].lower().replace("_", " "): [
             result.value(f"rms_{name_of(mode, case)}") for case in cases
         ]
         for mode in result.settings["modes"]
@@ -217,7 +217,7 @@ class RobustnessSettings(NamedTuple):
     """Modes, trials, and seed of the change."""
 
     modes: Annotated[
-        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(modes.MODE_NAMES))
+        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(names()))
     ] = (modes.FRICTION_COMPENSATION, modes.COMBINED, modes.OBSERVER)
     cases: Annotated[tuple[str, ...], Setting("trials by name", choices=tuple(CASES))] = (
         "slow", "fast", "small", "holding", "released",
@@ -276,7 +276,7 @@ def draw_changed(result: Result) -> Drawn:
     """Draw the rms error of every mode and state in every trial as a map."""
     cases = list(result.settings["cases"])
     rows = {
-        f"{modes.MODE_NAMES[mode].lower().replace('_', ' ')}, {state}": [
+        f"{names()[mode].lower().replace('_', ' ')}, {state}": [
             result.value(f"rms_{name_of(mode, case)}_{state}") for case in cases
         ]
         for mode in result.settings["modes"]

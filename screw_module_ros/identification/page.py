@@ -15,6 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 
 from ..control import modes
+from ..control.laws import names
 from . import coverage
 from .experiments import EXPERIMENTS
 from .figures import save
@@ -156,7 +157,7 @@ def _at_rest(report: Report) -> list[str]:
     found = []
     for module in report.modules:
         result = module.result("robustness")
-        name = f"rms_{modes.MODE_NAMES[modes.FRICTION_COMPENSATION].lower()}_holding"
+        name = f"rms_{names()[modes.FRICTION_COMPENSATION].lower()}_holding"
         known = {q.name: q.value for q in result.quantities} if result else {}
         if f"{name}_calibrated" in known and f"{name}_uncalibrated" in known:
             before, after = known[f"{name}_uncalibrated"], known[f"{name}_calibrated"]

@@ -41,7 +41,7 @@ ON_EVERY_MODULE = (
 OnProgress = Callable[[str, str, float], None]
 """Called with the module, the experiment, and the share of it that is done."""
 _SOURCES = Path(__file__).resolve().parents[1]
-_MADE_OF = ("plant", "control", "identification", "calibration", ".")
+_MADE_OF = ("plant", "control", "control/laws", "identification", "calibration", ".")
 _ONLY_SHOWN = (
     "page.py", "report.py", "coverage.py", "reproduce.py", "figures.py", "figure_style.py",
 )  # fmt: skip

@@ -16,8 +16,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ..control.friction import friction_force
+from ..control.laws import variants
 from ..control.limits import CommandLimits
-from ..control.modes import MODE_NAMES, OFF
 from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, fields
 from ..thesis import fact, figure
@@ -36,9 +36,7 @@ from .results import DERIVED, NOTHING, Drawn, Experiment, Published, Quantity, R
 
 NAME = "requirements"
 MET, MISSED, UNTESTED = "met", "missed", "not tested"
-VERTICAL = {
-    f"mode_{mode}": name.lower() for mode, name in MODE_NAMES.items() if mode != OFF
-}
+VERTICAL = {f"mode_{mode}": variant.name.lower() for mode, variant in variants().items()}
 """Ways to run the vertical -> name in the results of `delivered_impedance`."""
 PLANE = {
     "without_feedback": "none",

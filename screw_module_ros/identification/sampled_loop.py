@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stability of the vertical loop as a linear sampled system with contact (after 7.1; ours).
 
-The law is the one that the robot executes: `linear_law` settles `control.vertical` about a pressed
-handle and takes differences of its step. The module is two masses in permanent contact, without
+The law is the one that the robot executes: `linear_law` settles it in its envelope about a pressed
+handle and takes differences of the step. The module is two masses in permanent contact, without
 play and friction, and the screw, which its axial support (ours, not in the thesis) lets move along
 its axis. The environment, an arm or a wall, is a mass, a spring and a damper at the handle (`Arm`).
 Amplifier pole and transducer filter are continuous; sampling, hold and delay are exact. The loop is
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,11 @@ from scipy.signal import cont2discrete
 
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
-from ..control.modes import uses_observer
-from ..control.vertical import VerticalInput, initial_state, vertical_step
+from ..control.envelope import enveloped, initial_state
+from ..control.law import Law, Robot
+from ..control.laws.thesis import THESIS
+from ..control.limits import clamp
+from ..control.vertical import VerticalInput
 from ..control.vertical_settings import VerticalSettings
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
 from .linearized import STEP, Linear, floats_in, largest_stable, linear_of
@@ -34,6 +38,7 @@ MOST = 100.0
 _N, _S, _H, _C, _F = 0, 2, 4, 6, 7  # nut, screw, handle, amplifier, transducer filter in the state
 _STATES = 8
 _AT, _PRESSED = 0.18, 5.0  # of the handle about which the law is linear [m], [N]
+_MOST_PRESSED = 20.0  # [N] that the hand presses against any law
 _SETTLE_S = 3.0
 
 
@@ -62,100 +67,121 @@ class Sampling(NamedTuple):
     delay: float = 1.26e-3
 
 
-class Law(NamedTuple):
-    """The law in a mode of `control.modes`; velocity_cutoff: of the encoder's filter [Hz].
+class LawInMode(NamedTuple):
+    """A law in one of its modes.
 
-    Its gain is `force_gain`, in OBSERVER `observer_gain`.
+    settings: of the envelope, of a law of this package its own too; velocity_cutoff: of the
+    encoder's filter [Hz]; law; own: settings of a law of others, None = its defaults.
     """
 
     mode: int
     settings: VerticalSettings
     velocity_cutoff: float = 30.0
+    law: Law = THESIS
+    own: Any = None
+
+    @property
+    def gain_name(self) -> str:
+        """Name of the force gain. Raises ValueError for a mode that has none."""
+        if not (gains := self.law.variants[self.mode].gains):
+            raise ValueError(f"mode {self.law.variants[self.mode].name} names no force gain")
+        return gains[0]
+
+    @property
+    def chosen(self) -> Any:
+        """The settings of the law."""
+        if self.law.settings is VerticalSettings:
+            return self.settings
+        return self.law.settings() if self.own is None else self.own
 
     @property
     def gain(self) -> float:
         """The force gain."""
-        return getattr(self.settings, self._name)
+        return getattr(self.chosen, self.gain_name)
 
-    @property
-    def _name(self) -> str:
-        return "observer_gain" if uses_observer(self.mode) else "force_gain"
-
-    def with_gain(self, gain: float) -> Law:
+    def with_gain(self, gain: float) -> LawInMode:
         """Return the law with another force gain."""
-        return self._replace(settings=self.settings._replace(**{self._name: gain}))
+        changed = self.chosen._replace(**{self.gain_name: gain})
+        if self.law.settings is VerticalSettings:
+            return self._replace(settings=changed)
+        return self._replace(own=changed)
 
 
 @functools.lru_cache(maxsize=8192)  # gain limits ask for 1 200, by the same steps of gain
-def linear_law(law: Law, period: float) -> Linear:
+def linear_law(looped: LawInMode, period: float) -> Linear:
     """Return the law about a handle that is pressed with 5 N, by differences of its step.
 
     Inputs: height of the nut [m], force [N]; output: command [N].
     Friction model, stiction's dead band and chatter guard, which the linear loop leaves out, are
-    off. Only states are kept that the inputs reach and the command depends on.
+    off. The hand presses as much as the law does. Only states are kept that the inputs reach and
+    the command depends on.
     """
-    settings = law.settings._replace(
+    settings = looped.settings._replace(
         friction_fraction=0.0, observer_friction=0.0, observer_rest=0.0, chatter_limit=math.inf
     )
     pressed = min(_PRESSED, 0.1 * settings.stiffness)  # the set point stays within the travel
     target = _AT + pressed / settings.stiffness if settings.stiffness else _AT
-    given = (
-        packed(settings), _friction(), law.mode, target, period,
-        lowpass_coefficients(law.velocity_cutoff, period),
-    )  # fmt: skip
-    memory, motion = packed(initial_state(settings)), np.array(velocity_settled(_AT))
+    robot = Robot(thesis_friction(), settings.mass, settings.gravity)
+    own = looped.law.own(looped._replace(settings=settings).chosen, robot)
+    memory = packed(initial_state(settings, looped.law, own))
+    motion = np.array(velocity_settled(_AT))
     places = floats_in(memory.dtype)
-    answers = compiled(law_answers)(
-        *given, memory, memory.view(np.float64), places, motion, np.array((_AT, -pressed)),
-        round(_SETTLE_S / period),
+    answers = compiled(answers_of(looped.law))(
+        packed(settings), packed(own), looped.mode, target, period,
+        lowpass_coefficients(looped.velocity_cutoff, period), memory, memory.view(np.float64),
+        places, motion, np.array((_AT, -pressed)), round(_SETTLE_S / period),
     )  # fmt: skip
     a, b, c, d = linear_of(answers, len(places) + len(motion))
     return a, b, c[0], d[0]
 
 
 @functools.cache
-def _friction() -> np.ndarray:
-    """Return the friction model, of which nothing is fed forward, as the compiled law wants it."""
-    return packed(thesis_friction())
+def answers_of(law: Law) -> Callable[..., np.ndarray]:
+    """Return what makes the answers of a law about a state in which it has settled."""
+    step = enveloped(law)
+
+    def answers(
+        settings: Any, own: Any, mode: int, target: float, period: float, smooth: Any, memory: Any,
+        flat: np.ndarray, places: np.ndarray, motion: np.ndarray, y: np.ndarray, settle: int,
+    ) -> np.ndarray:  # fmt: skip
+        """Return states and command [N] a tick after the law has settled, a row for each change.
+
+        The first row is without one; then each state and each input is a step larger. settings,
+        own, memory: from `compiled.packed`; flat, places: the memory as floats, and where its
+        states are; motion: of the velocity filter; y: height [m] and force [N]; settle: ticks.
+        """
+        inner, n = len(places), len(places) + len(motion)
+        found = np.empty((n + len(y) + 1, n + 1))
+        kept, moved, seen = flat.copy(), motion.copy(), y.copy()
+        for row in range(-1, len(found)):
+            if row >= 0:
+                flat[:], moved[:], seen[:] = kept, motion, y
+            if 1 <= row <= inner:
+                flat[places[row - 1]] += STEP
+            elif inner < row <= n:
+                moved[row - 1 - inner] += STEP
+            elif row > n:
+                seen[row - 1 - n] += STEP
+            force = 0.0
+            for _ in range(settle if row < 0 else 1):
+                state = VelocityState(moved[0], moved[1], moved[2])
+                velocity, state = velocity_step(smooth, state, seen[0], period)
+                moved[0], moved[1], moved[2] = state.position, state.raw, state.smooth
+                inp = VerticalInput(mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0)
+                output = step(settings[0], own[0], memory[0], inp, period)
+                force = output.force
+                if row < 0:
+                    seen[1] = clamp(-output.impedance, -_MOST_PRESSED, _MOST_PRESSED)
+            if row < 0:
+                kept, motion, y = flat.copy(), moved.copy(), seen.copy()
+            else:
+                found[row, :inner], found[row, inner:n], found[row, n] = flat[places], moved, force
+        return found
+
+    return answers
 
 
-def law_answers(
-    settings: Any, model: Any, mode: int, target: float, period: float, smooth: Any, memory: Any,
-    flat: np.ndarray, places: np.ndarray, motion: np.ndarray, y: np.ndarray, settle: int,
-) -> np.ndarray:  # fmt: skip
-    """Return states and command [N] a tick after the law has settled, a row for each change before.
-
-    The first row is without one; then each state and each input is a step larger. settings, model,
-    memory: from `compiled.packed`; flat, places: the memory as floats, and where its states are;
-    motion: of the velocity filter; y: height [m] and force [N]; settle: ticks.
-    """
-    inner, n = len(places), len(places) + len(motion)
-    found = np.empty((n + len(y) + 1, n + 1))
-    kept, moved, seen = flat.copy(), motion.copy(), y.copy()
-    for row in range(-1, len(found)):
-        if row >= 0:
-            flat[:], moved[:], seen[:] = kept, motion, y
-        if 1 <= row <= inner:
-            flat[places[row - 1]] += STEP
-        elif inner < row <= n:
-            moved[row - 1 - inner] += STEP
-        elif row > n:
-            seen[row - 1 - n] += STEP
-        force = 0.0
-        for _ in range(settle if row < 0 else 1):
-            state = VelocityState(moved[0], moved[1], moved[2])
-            velocity, state = velocity_step(smooth, state, seen[0], period)
-            moved[0], moved[1], moved[2] = state.position, state.raw, state.smooth
-            inp = VerticalInput(mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0)
-            force = vertical_step(settings[0], model[0], memory[0], inp, period).force
-        if row < 0:
-            kept, motion = flat.copy(), moved.copy()
-        else:
-            found[row, :inner], found[row, inner:n], found[row, n] = flat[places], moved, force
-    return found
-
-
-def radius(plant: Linear, sampling: Sampling, law: Law) -> float:
+def radius(plant: Linear, sampling: Sampling, law: LawInMode) -> float:
     """Return the spectral radius of the closed loop; plant: of `sampled`."""
     step, before, after, outputs = plant
     a, b, c, d = linear_law(law, 1.0 / sampling.rate)
@@ -224,7 +250,7 @@ def _continuous(m: Mechanism, e: Arm) -> tuple[np.ndarray, np.ndarray]:
 
 
 def largest_gain(
-    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: Law, most: float = MOST
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: LawInMode, most: float = MOST
 ) -> float:
     """Return the largest gain with a stable loop, 0 for less than 1e-3; its relative error is 1 %.
 

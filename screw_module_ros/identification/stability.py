@@ -25,7 +25,7 @@ from .figures import COLOURS, DESIRED, panels
 from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
 from .results import DERIVED, HUMAN_ARM, Drawn, Experiment, Quantity, Result
-from .sampled_loop import MOST, Law, Mechanism, Sampling, largest_gain
+from .sampled_loop import MOST, LawInMode, Mechanism, Sampling, largest_gain
 from .trials import TRUTH, Arm, MotionTrial
 
 NAME = "stability"
@@ -133,14 +133,14 @@ _NOTE = (
 )
 
 
-def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[Law, Law]:
+def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[LawInMode, LawInMode]:
     """Return force feedback and OBSERVER."""
-    feedback = Law(modes.FORCE_FEEDBACK, usual, velocity_cutoff)
+    feedback = LawInMode(modes.FORCE_FEEDBACK, usual, velocity_cutoff)
     return feedback, feedback._replace(mode=modes.OBSERVER)
 
 
 def limits(
-    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: Law
+    mechanism: Mechanism, environment: Arm, sampling: Sampling, law: LawInMode
 ) -> dict[str, float]:
     """Return the largest gain without each limit over the largest gain with it, by name.
 
@@ -272,7 +272,7 @@ def _onset(
 
 
 def _curves(
-    mechanism: Mechanism, sampling: Sampling, laws: dict[str, Law]
+    mechanism: Mechanism, sampling: Sampling, laws: dict[str, LawInMode]
 ) -> dict[str, np.ndarray]:
     """Return the largest gain over the delay and over the environment's mass, for a figure.
 

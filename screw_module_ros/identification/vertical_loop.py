@@ -8,15 +8,17 @@ Nodes and simulated rig run the same functions.
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..control.friction import FrictionModel
+from ..control.envelope import enveloped
+from ..control.law import Law
 from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
 from ..control.vertical import VerticalInput
-from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import LowpassCoefficients, VelocityState, velocity_step
 from ..geometry import COUNTS_PER_TURN, counts_to_height
@@ -56,7 +58,8 @@ class LoopParams(NamedTuple):
     to torque command; amperes: command to the amplifier per newton metre [A/Nm].
     period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
     which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode: of the
-    law; centre: where the trial begins, and the law's set point [m]. side_force: amplitude of the
+    law; law: settings of its envelope, own: what its functions get; centre: where the trial begins,
+    and the law's set point [m]. side_force: amplitude of the
     planar force on the handle [N]. counts: of the encoder per turn; volt_counts: of the A/D card
     that reads the current sensor [1/V].
     """
@@ -70,7 +73,7 @@ class LoopParams(NamedTuple):
     amperes: float
     smooth: LowpassCoefficients
     law: VerticalSettings
-    friction: FrictionModel
+    own: Any
     path: HandPath
     period: float
     steps: int
@@ -91,7 +94,7 @@ class LoopParams(NamedTuple):
 
 class LoopState(NamedTuple):
     """ticks: since the trial began; on_time: since power-on [s]; the module; the law's
-    `VerticalState` from `compiled.packed`, which a tick changes in place; the encoder's last
+    `EnvelopeState` from `compiled.packed`, which a tick changes in place; the encoder's last
     position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
     currents of the bridge [A], first the acting one, then one for each whole period of delay;
     volts: current sensor; first, second: state of the noise."""
@@ -109,28 +112,70 @@ class LoopState(NamedTuple):
     second: int
 
 
-def run_ticks(packed_params: Any, state: LoopState, columns: np.ndarray) -> LoopState:
-    """Run one tick per row of `columns`, shape (n, COLUMNS), and fill it.
+class Reading(NamedTuple):
+    """What one sample shows: position [m], velocity [m/s], force [N], torque [Nm]; motion: of the
+    velocity's filter; first, second: state of the noise."""
 
-    packed_params: LoopParams from `compiled.packed`.
+    position: float
+    velocity: float
+    force: float
+    torque: float
+    motion: VelocityState
+    first: int
+    second: int
+
+
+@functools.cache
+def ticks_of(law: Law) -> Callable[[Any, LoopState, np.ndarray], LoopState]:
+    """Return what runs one tick of a law per row of its last argument, shape (n, COLUMNS).
+
+    Its first argument: LoopParams from `compiled.packed`. It fills the rows.
     """
-    p = packed_params[0]
-    for row in range(columns.shape[0]):
-        state = tick(p, state, columns[row])
-    return state
+    step = enveloped(law)
+
+    def run_ticks(packed_params: Any, state: LoopState, columns: np.ndarray) -> LoopState:
+        p = packed_params[0]
+        for row in range(columns.shape[0]):
+            shown = _sampled(p, state)
+            if p.kind == LAW:
+                inp = VerticalInput(
+                    p.mode, shown.position, shown.velocity, shown.force, p.centre, 0.0, True,
+                    0.0, 0.0,
+                )  # fmt: skip
+                output = step(p.law, p.own, state.law[0], inp, p.period)
+                made, heat = commanded(p.chain, state.heat, output.force, 1.0, p.period)
+            else:
+                made, heat = commanded_torque(p.chain, state.heat, _sine(p, state), p.period)
+            state = _advanced(
+                p, state, shown, on_the_wire(p.chain, made.command), heat, columns[row]
+            )
+        return state
+
+    return run_ticks
 
 
-def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
-    """Sample, compute the command, advance the plant by one period."""
-    module = s.module
-    screw = p.chain.screw
-    count = math.floor(module.nut / p.lead * p.counts)
-    position = counts_to_height(count, screw, p.counts)
+def _sine(p: LoopParams, s: LoopState) -> float:
+    """Return the torque of a trial without a law [Nm]."""
+    return p.amplitude * math.sin(p.omega * s.ticks * p.period) if p.kind == SINE else 0.0
+
+
+def _sampled(p: LoopParams, s: LoopState) -> Reading:
+    """Return what encoder and transducer show."""
+    count = math.floor(s.module.nut / p.lead * p.counts)
+    position = counts_to_height(count, p.chain.screw, p.counts)
     velocity, motion = velocity_step(p.smooth, s.motion, position, p.period)
     force, torque, first, second = _transduced(p, s)
-    asked, heat = _answer(p, s, position, velocity, force)
-    command = on_the_wire(p.chain, asked)
-    row[0], row[1], row[2], row[3], row[4] = position, velocity, force, torque, command
+    return Reading(position, velocity, force, torque, motion, first, second)
+
+
+def _advanced(
+    p: LoopParams, s: LoopState, shown: Reading, command: float, heat: float, row: np.ndarray
+) -> LoopState:
+    """Fill the sample's row, and advance the plant by one period with a command to the drive."""
+    module = s.module
+    row[0], row[1], row[2], row[3], row[4] = (
+        shown.position, shown.velocity, shown.force, shown.torque, command,
+    )  # fmt: skip
     row[5] = module.current
     if p.fixture == LOCKED_ROTOR:
         row[5] = round(s.volts * p.volt_counts) / p.volt_counts
@@ -141,8 +186,8 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     under_way[-1] = bridge_current(p.amplifier, command * p.amperes)
     module, sensor, volts = _period(p, s, under_way[0], under_way[1])
     return LoopState(
-        s.ticks + 1, s.on_time + p.period, module, s.law, motion, heat, under_way[1:],
-        sensor, volts, first, second,
+        s.ticks + 1, s.on_time + p.period, module, s.law, shown.motion, heat, under_way[1:],
+        sensor, volts, shown.first, shown.second,
     )  # fmt: skip
 
 
@@ -163,20 +208,6 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
         first,
         second,
     )
-
-
-def _answer(
-    p: LoopParams, s: LoopState, position: float, velocity: float, force: float
-) -> tuple[float, float]:
-    """Return the torque command [Nm] for a sample and the motor's heat [Nm^2]."""
-    if p.kind == LAW:
-        inp = VerticalInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
-        output = law_step(p.law, p.friction, s.law[0], inp, p.period)
-        made, heat = commanded(p.chain, s.heat, output.force, 1.0, p.period)
-        return made.command, heat
-    sine = p.amplitude * math.sin(p.omega * s.ticks * p.period) if p.kind == SINE else 0.0
-    made, heat = commanded_torque(p.chain, s.heat, sine, p.period)
-    return made.command, heat
 
 
 def _period(

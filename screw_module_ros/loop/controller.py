@@ -4,24 +4,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from ..control.excitation import Excitation, Excited, excitation_step
 from ..control.friction import FrictionModel
-from ..control.modes import EXCITATION, MODE_NAMES, OFF, uses_force
+from ..control.law import Law
+from ..control.laws import LAWS
+from ..control.modes import EXCITATION, OFF
 from ..control.slot import Reach, SlotLimits
-from ..control.vertical import (
-    VerticalInput,
-    VerticalOutput,
-    VerticalState,
-    initial_state,
-    vertical_step,
-)
+from ..control.vertical import VerticalInput, VerticalOutput
 from ..control.vertical_settings import VerticalSettings
 from ..safety.checks import Agreement, AgreementSettings, VerticalChecks, WatchSettings
 from ..safety.latch import Age
 from ..safety.timing import DeadlineMeter
 from ..samples import EncoderReading, ForceReading
 from .inputs import Guide, Lease, SetpointInput
+from .law_runner import LawRunner
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
@@ -33,13 +32,14 @@ NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 class VerticalController:
     """Checks and law of the vertical axis; all times are passed in [ns].
 
-    mode, settings: may be replaced at any time; the law fades to the new ones. output: of the last
-    step. wanted: the set point, height only. guide: the slot, if there is one. fault: what is
-    latched. answered: newest sample turned into a command, None before the first. handle_force:
-    newest accepted one [N]. meter: latency from a sample to its command. reason: why the force is
-    zero, empty if it is not. activation: its number, other than those of controllers before. lease:
-    of a trial; where it lapses while torque may act, that is a fault. A fault while the amplifier
-    is on or a force is commanded stays latched until `reset`; any other fault ends with its cause.
+    mode, settings: may be replaced at any time; the law fades to the new ones. laws: one of them
+    runs, as the mode says. output: of the last step. wanted: the set point, height only. guide: the
+    slot, if there is one. fault: what is latched. answered: newest sample turned into a command,
+    None before the first. handle_force: newest accepted one [N]. meter: latency from a sample to
+    its command. reason: why the force is zero, empty if it is not. activation: its number, other
+    than those of controllers before. lease: of a trial; where it lapses while torque may act, that
+    is a fault. A fault while the amplifier is on or a force is commanded stays latched until
+    `reset`; any other fault ends with its cause.
     """
 
     def __init__(
@@ -52,12 +52,17 @@ class VerticalController:
         mode: int = OFF,
         slot_limits: SlotLimits = _SLOT_LIMITS,
         activation: int = 0,
+        laws: tuple[Law, ...] = LAWS,
+        own: Mapping[str, Any] | None = None,
+        work_ns: Callable[[], int] | None = None,
     ):
+        """laws: with those of others, own: their settings by the laws' names, work_ns: processor
+        time of the loop's thread [ns], for `LawRunner`."""
         self.settings = settings
         self.mode = mode
         self.activation = activation
         self.output = NO_FORCE
-        self.state: VerticalState = initial_state(settings)
+        self.laws = LawRunner(settings, friction, laws, own, period_ns, work_ns)
         self.reason = ""
         self.handle_force = 0.0
         self.wanted = SetpointInput(axes=1)
@@ -66,7 +71,6 @@ class VerticalController:
         self._excited = Excited()
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)
-        self._friction = friction
         self._checks = VerticalChecks(watch, period_ns)
         self.fault = self._checks.fault
         self._agreement = Agreement(agreement)
@@ -115,9 +119,11 @@ class VerticalController:
             slot.force_x,
             slot.weight,
         )
-        self.output = vertical_step(
-            self.settings, self._friction, self.state, inp, elapsed_ns * 1e-9
-        )
+        output = self.laws.step(self.settings, inp, elapsed_ns * 1e-9)
+        if output is None:
+            self.set_fault(self.laws.wrong)
+            output = self._no_force()
+        self.output = output
         if excites:
             self.output = self.output._replace(force=self._excitation(sample, active))
         return self.output
@@ -199,9 +205,12 @@ class VerticalController:
         self._check(now_ns)
         if not self.reason or self.output.force == 0.0:
             return None
-        self.state = initial_state(self.settings)
-        self.output = NO_FORCE._replace(desired_position=self.output.desired_position)
+        self.laws.restart()
+        self.output = self._no_force()
         return self.output
+
+    def _no_force(self) -> VerticalOutput:
+        return NO_FORCE._replace(desired_position=self.output.desired_position)
 
     def reset(self, now_ns: int) -> None:
         """Clear a latched fault; it returns at once while its cause persists.
@@ -221,11 +230,11 @@ class VerticalController:
 
     def _missing_force(self) -> str:
         """Return why the mode cannot run: it feeds back a force that was never measured."""
-        if self._checks.force_seen or not uses_force(self.mode):
+        if self._checks.force_seen or not self.laws.needs_force(self.mode):
             return ""
         return (
-            f"force sensor: no sample yet, and mode {MODE_NAMES[self.mode]} feeds its force back: "
-            "start it, or choose another mode"
+            f"force sensor: no sample yet, and mode {self.laws.name_of(self.mode)} feeds its force "
+            "back: start it, or choose another mode"
         )
 
     def _keep_fault(self) -> None:

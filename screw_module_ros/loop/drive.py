@@ -13,8 +13,9 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ..can_io.port import Port
+from ..control.laws import all_names
 from ..control.limits import COLD
-from ..control.modes import ALL_NAMES, EXCITATION, OFF
+from ..control.modes import EXCITATION, OFF
 from ..control.torque_chain import (
     TorqueChain,
     commanded,
@@ -236,7 +237,7 @@ class VerticalDrive:
         if excites != (self._mode == EXCITATION):
             opened = "for mode EXCITATION" if excites else "for the laws"
             self.permit.fault.set(
-                f"force command: mode {ALL_NAMES.get(self._mode, self._mode)}, the torque was "
+                f"force command: mode {all_names().get(self._mode, self._mode)}, the torque was "
                 f"enabled {opened}: disable before the mode changes"
             )
             return False

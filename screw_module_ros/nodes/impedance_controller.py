@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import ExcitationRequest, ImpedanceState
@@ -21,9 +22,21 @@ from screw_module_ros.calibration.selection import (
     chosen_friction,
     chosen_gain_limits,
 )
+from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control.excitation import Excitation, from_numbers
 from screw_module_ros.control.guard import guarded
-from screw_module_ros.control.modes import ALL_NAMES, EXCITATION, OFF, uses_force
+from screw_module_ros.control.law import Law
+from screw_module_ros.control.laws import (
+    FIRST,
+    GROUP,
+    LAST,
+    LAWS,
+    all_names,
+    law_of,
+    loaded,
+    refused,
+)
+from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -32,7 +45,7 @@ from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
-from screw_module_ros.settings import Setting
+from screw_module_ros.settings import Setting, SettingError
 
 from .support.answering import Done
 from .support.driver import RateSettings
@@ -52,10 +65,16 @@ from .support.states import (
 from .support.topics import Newest, SlotInbox, offered, requested
 from .support.wire import pack_command
 
+_MODES = ", ".join(f"{mode} {name}" for mode, name in all_names().items())
 _SAFETY_AGE_NS = 200_000_000
+_NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 _WITHOUT_LIMITS = (
     "this mode feeds the handle's force back, and the module has no gain limits of its own: "
     "set beyond_gain_limits on your own word, as it must be for the trials that write them too"
+)
+_NOT_JUDGED = (
+    "mode {mode} is law {law}'s, of which no gain limits are known: set beyond_gain_limits on your "
+    "own word, with nobody strapped in at first"
 )
 _NO_LEASE = (
     "mode EXCITATION is a trial's, whose sender repeats its ExcitationRequest while the torque is "
@@ -70,11 +89,13 @@ class ControllerSettings(NamedTuple):
     """Settings of the node beside those of the law."""
 
     mode: Annotated[
-        int, Setting("control mode: 0 OFF, 1 IMPEDANCE, 2 FRICTION_COMPENSATION, "
-                     "3 FORCE_FEEDBACK, 4 COMBINED, 5 OBSERVER, 6 EXCITATION (trials only)",
-                     choices=tuple(ALL_NAMES),
-                     live=True)
+        int, Setting(f"control mode: {_MODES} (trials only), {FIRST} to {LAST} laws of others",
+                     "", OFF, LAST, live=True)
     ] = 1
+    laws: Annotated[
+        tuple[str, ...], Setting("laws of other packages, each as package.module:NAME or by its "
+                                 f"entry point of {GROUP}", at_start=True)
+    ] = ("",)
     friction_file: Annotated[
         str, Setting("friction model file, empty for the thesis's polynomials or when "
                      "calibration_file is set")
@@ -98,6 +119,10 @@ class ImpedanceControllerNode(Node):
             ControllerSettings, CalibrationSettings, GainLimitsSettings, RateSettings,
             VerticalSettings, watch=WatchSettings, agreement=AgreementSettings, slot=SlotLimits,
         )  # fmt: skip
+        self._laws = loaded(self.parameters.read(ControllerSettings).laws)
+        self._foreign = self._laws[len(LAWS) :]
+        self._names = all_names(self._laws)
+        self._declare_laws()
         self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._limits: GainLimits | None = None
@@ -107,6 +132,15 @@ class ImpedanceControllerNode(Node):
         impedance = partial(set_impedance, self.parameters, VerticalSettings)
         self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
+
+    def _declare_laws(self) -> None:
+        """Make parameters of the settings of laws of others, below each law's name."""
+        for law in self._foreign:
+            if self.parameters.knows(law.name):
+                raise SettingError(
+                    f"law {law.name}: this node has parameters of that name: rename it"
+                )
+            self.parameters.declare(**{law.name: law.settings})
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -193,7 +227,11 @@ class ImpedanceControllerNode(Node):
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
             self._activations,
+            self._laws,
+            {law.name: self._settings_of(law) for law in self._foreign},
+            self.clock.work_ns,
         )
+        self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
         self._resets: int | None = None  # as the supervisor counts them
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)
@@ -225,11 +263,26 @@ class ImpedanceControllerNode(Node):
         """
         law = self.parameters.read(VerticalSettings, changes=changes)
         mode = self.parameters.read(ControllerSettings, changes=changes).mode
+        if mode not in self._names:
+            known = ", ".join(f"{number} {name}" for number, name in self._names.items())
+            return f"mode = {mode}: one of {known} is wanted; `laws` brings those of others"
         if not self.configured:
-            return law.refusal(mode)
+            return self._refused(law, mode, changes)
         if self._may_act and mode != self.part.mode and EXCITATION in (mode, self.part.mode):
             return _NOT_NOW
-        return self._problem(law, mode)
+        return self._problem(law, mode, changes)
+
+    def _settings_of(self, law: Law, changes: Mapping[str, Any] = _NO_CHANGES) -> Any:
+        """Return the settings of a law of others."""
+        return self.parameters.read(law.settings, law.name, changes)
+
+    def _refused(self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any]) -> str:
+        """Return why the law of a mode cannot run with its settings."""
+        law = law_of(mode, self._laws)
+        if law is None:
+            return ""
+        own = self._settings_of(law, changes) if law in self._foreign else settings
+        return refused(law, own, mode)
 
     @property
     def _may_act(self) -> bool:
@@ -240,19 +293,26 @@ class ImpedanceControllerNode(Node):
         leased = kind is VerticalSettings and self._before_trial and not self._may_act
         return super().fixed(kind) and not leased
 
-    def _problem(self, law: VerticalSettings, mode: int) -> str:
+    def _problem(
+        self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any] = _NO_CHANGES
+    ) -> str:
         if mode == EXCITATION and not self._before_trial:
             return _NO_LEASE
         own, limits = self.parameters.read(GainLimitsSettings), self._limits
-        if own.beyond_gain_limits:
-            return law.refusal(mode)
-        if own.gain_limits_required and uses_force(mode):
-            if limits is None:
-                return _WITHOUT_LIMITS
-            if limits.outdated:
-                return limits.outdated
+        law = law_of(mode, self._laws)
+        if law is None or own.beyond_gain_limits:
+            return self._refused(settings, mode, changes)
+        if own.gain_limits_required:
+            if law in self._foreign:
+                return _NOT_JUDGED.format(law=law.name, mode=self._names[mode])
+            if law.variants[mode].gains:
+                if limits is None:
+                    return _WITHOUT_LIMITS
+                if limits.outdated:
+                    return limits.outdated
         rate = self.parameters.read(RateSettings).rate
-        return (limits.refusal(law, mode, rate) if limits else "") or law.refusal(mode)
+        beyond = limits.refusal(settings, mode, rate) if limits else ""
+        return beyond or self._refused(settings, mode, changes)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
@@ -262,6 +322,9 @@ class ImpedanceControllerNode(Node):
             self.part.settings = self._friction.law(self.parameters.read(VerticalSettings))
         elif kind is ControllerSettings and self.active:
             self.part.mode = self.parameters.read(ControllerSettings).mode
+        elif self.active:
+            for law in (law for law in self._foreign if law.settings is kind):
+                self.part.laws.choose(law.name, self._settings_of(law))
 
     # Hot loop ------------------------------------------------------------------------------
 
@@ -338,6 +401,7 @@ class ImpedanceControllerNode(Node):
             self._follow_supervisor(now_ns)
             self.stamp(self._state_message.header)
             fill_controller(self._state_message, self.part, now_ns)
+            self._state_message.law = self._versions[self.part.laws.law.name]
             self._publish_state(self._state_message)
 
     def _follow_supervisor(self, now_ns: int) -> None:
@@ -354,7 +418,7 @@ class ImpedanceControllerNode(Node):
     def _set_mode(self, request: SetControlMode.Request) -> str:
         refused = self.parameters.write(mode=request.mode)
         mode = self.parameters.read(ControllerSettings).mode
-        return refused or Done(f"mode {mode}, {ALL_NAMES[mode]}")
+        return refused or Done(f"mode {mode}, {self._names[mode]}")
 
     @property
     def alarm(self) -> str:
@@ -367,7 +431,8 @@ class ImpedanceControllerNode(Node):
         values = {
             **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
-            "mode": ALL_NAMES[controller.mode],
+            "mode": self._names[controller.mode],
+            "law": self._versions[controller.laws.law.name],
             "calibration": state.calibration,
             "gain limits": self._limits.identity if self._limits else "none",
             "unstable in the linear model": self._exceeded(),
@@ -379,7 +444,7 @@ class ImpedanceControllerNode(Node):
             return Health(WARN, guarded(controller.output.share), values)
         if warning := broken_contract(state) or self._pullers.warning:
             return Health(WARN, warning, values)
-        return Health(OK, f"running in {ALL_NAMES[controller.mode]}", values)
+        return Health(OK, f"running in {self._names[controller.mode]}", values)
 
     def _exceeded(self) -> str:
         """Return which gains in use are unstable in the limits' model, and on which loads."""

@@ -53,7 +53,7 @@ from ..operator.bring_up import DRIVES, bring_up
 from ..operator.robot import Robot, RobotError, arm
 from ..terminal import Console, FiniteRange, OutputFile
 from .demo import make_ready
-from .one_thread import PERIOD_NS, Bench
+from .one_thread import PERIOD_NS, OneThreadRobot
 from .patient import Hand
 from .runner import GraphRun, command, own_place, recordings_in, running
 from .therapy import BRIDGE, bridge_words, token_file
@@ -427,7 +427,7 @@ def calls_by_room(ticks: int = 1000) -> Figures:
     Counted in simulated time, so the same at each run of one version of Python. `trials` is the
     harness, with its buses; what is not of this package stands under the name of its file.
     """
-    bench = Bench(seed=3)
+    bench = OneThreadRobot(seed=3)
     try:
         bench.ready()
         bench.controller.mode = modes.COMBINED

@@ -20,6 +20,8 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock, ManualClock, PlainArrivals
+from screw_module_ros.control.law import Law
+from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
@@ -180,8 +182,12 @@ class Row(NamedTuple):
     plane_reason: str
 
 
-class Bench:
-    """One robot. `tick` is one period; `rows` is what happened."""
+class OneThreadRobot:
+    """One robot. `tick` is one period; `rows` is what happened.
+
+    laws: with those of others; work_ns: processor time that a law counts as used [ns], see
+    `LawRunner`.
+    """
 
     def __init__(
         self,
@@ -191,6 +197,8 @@ class Bench:
         encoder_profile: str = GENERIC_406,
         sensor_profile: str = NETCANOEM,
         world: WorldSettings | None = None,
+        laws: tuple[Law, ...] = LAWS,
+        work_ns: Callable[[], int] | None = None,
     ):
         name = uuid.uuid4().hex
         self._buses: list[can.BusABC] = []
@@ -235,6 +243,8 @@ class Bench:
             WatchSettings(),
             AgreementSettings(),
             PERIOD_NS,
+            laws=laws,
+            work_ns=work_ns,
         )
         self.axis = VerticalDrive(
             self.drive,

@@ -39,7 +39,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.figure_style import COLOURS, save
 from screw_module_ros.recording.verify import Report, verify
 
-from ..control.modes import MODE_NAMES
+from ..control.laws import names
 from ..nodes.support import topics
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, RobotError, arm
@@ -57,7 +57,7 @@ WARM_UP_S = 60.0
 _SHARE_OF_WARM_UP = 0.2  # of a short run
 _LEAST = 5  # samples for a slope
 _PAGES = 2.0  # MiB; normal variation of a heap, also in a short run
-_MODES = tuple(reversed(MODE_NAMES))
+_MODES = tuple(reversed(names()))
 _QUICK_S, _QUICK_EVERY, _QUICK_CHANGE = 20.0, 1.0, 3.0
 _STEP_S = 0.02
 _PATH_S = 9.0  # once around in the plane

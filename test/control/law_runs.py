@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control import planar, vertical
+from screw_module_ros.control import envelope, planar
+from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse, jacobian
@@ -16,12 +17,23 @@ DT, PLANE_DT = 0.001, 0.002
 NO_SETPOINT = (math.nan,) * 4
 UNKNOWN = (math.nan, math.nan)
 VERTICAL, PLANAR = VerticalSettings(), PlanarSettings()
+_thesis = envelope.enveloped(THESIS)
+
+
+def initial_state(settings=VERTICAL):
+    """Return the vertical law's memory before the first step."""
+    return envelope.initial_state(settings, THESIS, Own(settings, MODEL))
+
+
+def vertical_step(settings, state, inp, dt=DT):
+    """Return the vertical law's output, and take its memory dt [s] further."""
+    return _thesis(settings, Own(settings, MODEL), state, inp, dt)
 
 
 def vertical_outputs(inputs, law=VERTICAL, state=None):
     """Return the vertical law's output for each input, one a tick."""
-    state = state or vertical.initial_state(law)
-    return [vertical.vertical_step(law, MODEL, state, inp, DT) for inp in inputs]
+    state = state or initial_state(law)
+    return [vertical_step(law, state, inp) for inp in inputs]
 
 
 def planar_outputs(inputs, law=PLANAR, state=None):

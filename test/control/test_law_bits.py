@@ -20,6 +20,7 @@ import pytest
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.compiled import compiled, packed
+from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.excitation import (
     Excitation,
     Excited,
@@ -27,10 +28,12 @@ from screw_module_ros.control.excitation import (
     excitation_step,
     from_numbers,
 )
+from screw_module_ros.control.laws import all_names, names
+from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
-from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OFF
+from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar import initial_state as initial_plane
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -45,11 +48,12 @@ from screw_module_ros.control.torque_chain import (
     largest_command,
     on_the_wire,
 )
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse
 
 MODEL = thesis_friction()
+vertical_step = enveloped(THESIS)
 TICKS = 6000
 VERTICAL_LAW = VerticalSettings(damping=10.0, observer_inertia=0.7)
 ANY_MODE = -2  # a run through all modes
@@ -121,7 +125,7 @@ def vertical_inputs(mode: int):
             )  # fmt: skip
         if sometimes(chance, 300):
             if mode == ANY_MODE:
-                used = chance.randint(-1, max(ALL_NAMES))
+                used = chance.randint(-1, max(all_names()))
             else:
                 used = chance.choice((mode, used, OFF))
         dt = chance.choice((0.0005, 0.002, 0.05)) if sometimes(chance, 100) else 0.001
@@ -146,9 +150,9 @@ def vertical_inputs(mode: int):
 
 def vertical_run(mode: int) -> str:
     """Return the digest of all outputs of a run."""
-    state, shown = initial_state(VERTICAL_LAW), []
+    state, shown = initial_state(VERTICAL_LAW, THESIS, Own(VERTICAL_LAW, MODEL)), []
     for law, inp, dt in vertical_inputs(mode):
-        output = vertical_step(law, MODEL, state, inp, dt)
+        output = vertical_step(law, Own(law, MODEL), state, inp, dt)
         shown += [
             output.force, output.impedance, output.gravity, output.friction,
             output.feedback + output.carried, output.saturated, output.desired_position,
@@ -320,7 +324,7 @@ def test_parts_of_the_laws(run):
 
 
 @same_library
-@pytest.mark.parametrize("mode", [ANY_MODE, *MODE_NAMES])
+@pytest.mark.parametrize("mode", [ANY_MODE, *names()])
 def test_vertical_law(mode):
     assert vertical_run(mode) == VERTICAL[mode]
 
@@ -331,8 +335,8 @@ def test_planar_law(force_gain):
     assert planar_run(force_gain) == PLANE[force_gain]
 
 
-def vertical_twin(p, model, packed_state, inp, dt):
-    return vertical_step(p, model, packed_state[0], inp, dt)
+def vertical_twin(p, own, packed_state, inp, dt):
+    return vertical_step(p, own, packed_state[0], inp, dt)
 
 
 def planar_twin(p, packed_state, inp, dt):
@@ -341,11 +345,13 @@ def planar_twin(p, packed_state, inp, dt):
 
 @pytest.mark.long
 def test_compiled_vertical_law():
-    plain = initial_state(VERTICAL_LAW)
+    plain = initial_state(VERTICAL_LAW, THESIS, Own(VERTICAL_LAW, MODEL))
     twin, fast = packed(plain), compiled(vertical_twin)
     for law, inp, dt in vertical_inputs(ANY_MODE):
-        expected = vertical_step(law, MODEL, plain, inp, dt)
-        assert fast(law, MODEL, twin, inp, dt) == pytest.approx(expected, abs=1e-9, nan_ok=True)
+        expected = vertical_step(law, Own(law, MODEL), plain, inp, dt)
+        assert fast(law, Own(law, MODEL), twin, inp, dt) == pytest.approx(
+            expected, abs=1e-9, nan_ok=True
+        )
 
 
 @pytest.mark.long

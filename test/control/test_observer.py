@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from law_runs import DT, vertical_outputs
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws.thesis import FIRM, HELD
 from screw_module_ros.control.observer import (
     KEPT,
     Observer,
@@ -18,7 +19,7 @@ from screw_module_ros.control.observer import (
     remember,
     settle,
 )
-from screw_module_ros.control.vertical import FIRM, HELD, VerticalInput
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import (
     KNOWN_SHARE,
     VerticalSettings,
@@ -187,16 +188,17 @@ CARRYING = VerticalSettings(
 
 
 def carried(acceleration, force, law=CARRYING, speed=0.0):
-    """Carried force [N] of a handle at even speed for 0.2 s that then accelerates for 0.34 s.
+    """Carried force [N] of a handle at even speed for 0.2 s that then accelerates for 0.34 s, at
+    heights where the ends of travel limit no speed.
 
     These are twelve time constants of the filter.
     """
     inputs = []
     for tick in range(540):
         time = max(0.0, (tick - 200) * DT)
-        position = 0.15 + speed * tick * DT + 0.5 * acceleration * time * time
+        position = 0.20 + speed * tick * DT + 0.5 * acceleration * time * time
         velocity = speed + acceleration * time
-        inputs.append(VerticalInput(modes.OBSERVER, position, velocity, force, 0.15, 0.0, True))
+        inputs.append(VerticalInput(modes.OBSERVER, position, velocity, force, 0.20, 0.0, True))
     return vertical_outputs(inputs, law)[-1].carried
 
 

@@ -5,11 +5,12 @@ import math
 from itertools import pairwise, product
 
 import pytest
-from law_runs import DT, MODEL, vertical_outputs
+from law_runs import DT, MODEL, initial_state, vertical_outputs, vertical_step
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.laws import gains_of, names
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 
 SETTINGS = VerticalSettings().validated()
@@ -34,8 +35,8 @@ def moved(inp, seconds=0.4, law=SETTINGS):
     _, state = run(inp._replace(velocity=0.0), law=law)
     for _ in range(round(seconds / DT)):
         inp = inp._replace(position=inp.position + inp.velocity * DT)
-        state.presliding.ratio = 1.0  # no mechanism answers: there is nothing to compare
-        output = vertical_step(law, MODEL, state, inp, DT)
+        state.law.presliding.ratio = 1.0  # no mechanism answers: there is nothing to compare
+        output = vertical_step(law, state, inp)
     return output, inp
 
 
@@ -47,12 +48,12 @@ def test_impedance_is_spring_and_gravity():
     assert (output.friction, output.feedback, output.saturated) == (0.0, 0.0, False)
 
 
-@pytest.mark.parametrize("mode", modes.MODE_NAMES)
+@pytest.mark.parametrize("mode", names())
 def test_what_feeds_the_force_back_is_known_to_need_a_force_sample(mode):
-    """The gates of force sample and gain limits ask `uses_force`: a mode must not pass by them."""
+    """The gates of force sample and gain limits ask for its gains: a mode must not pass by them."""
     at_rest = REST._replace(mode=mode, position=0.18)
     pushed, pulled = (run(at_rest._replace(force=force))[0].force for force in (3.0, -3.0))
-    assert (pushed != pulled) == modes.uses_force(mode)
+    assert (pushed != pulled) == bool(gains_of(mode))
 
 
 def test_gravity_set_anew_comes_at_its_rate_and_ends_exactly():
@@ -107,7 +108,7 @@ def test_a_model_that_promises_too_much_is_doubted():
     for _ in range(1000):
         position += velocity * DT
         inp = inp._replace(position=position, velocity=velocity)
-        output = vertical_step(law, MODEL, state, inp, DT)
+        output = vertical_step(law, state, inp)
         velocity += (output.force + inp.force) / law.mass * DT
         velocity = 0.05 if velocity > 0.3 else velocity
         fed.append(output.friction)
@@ -205,7 +206,7 @@ def test_towards_an_end_the_driving_force_fades(end, way):
         assert output.force == pytest.approx(40.0 * way * left, abs=1e-9)
 
 
-@pytest.mark.parametrize("mode", modes.MODE_NAMES)
+@pytest.mark.parametrize("mode", names())
 @pytest.mark.parametrize(("size", "same"), [(0.08, True), (0.16, False)])
 def test_inside_the_travel_the_braking_of_the_ends_changes_no_bit(mode, size, same):
     """A hand that stays 0.1 m away from both ends; one that comes near them is braked."""
@@ -245,11 +246,11 @@ def test_an_input_that_cannot_be_gives_zero(field, value):
 
 @pytest.mark.parametrize("dt", [math.nan, 0.0, -0.001])
 def test_a_time_step_that_cannot_be_gives_zero(dt):
-    assert vertical_step(SETTINGS, MODEL, run(REST)[1], REST, dt).force == 0.0
+    assert vertical_step(SETTINGS, run(REST)[1], REST, dt).force == 0.0
 
 
-@pytest.mark.parametrize("first", modes.MODE_NAMES)
-@pytest.mark.parametrize("second", modes.MODE_NAMES)
+@pytest.mark.parametrize("first", names())
+@pytest.mark.parametrize("second", names())
 def test_a_switch_in_use_is_not_felt(first, second):
     """The thesis's spring 5 cm off its centre, moved by hand: less than 0.3 N per step.
 

@@ -9,6 +9,7 @@ import rows_commands
 import rows_drives
 import rows_frames
 import rows_intruders
+import rows_laws
 import rows_machine
 import rows_nodes
 import rows_operator
@@ -31,6 +32,7 @@ _FILES = (
     rows_intruders,
     rows_frames,
     rows_requests,
+    rows_laws,
     rows_therapy,
     rows_trials,
 )

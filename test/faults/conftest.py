@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,9 @@ from pathlib import Path
 import pytest
 from fault_robot import FaultRobot
 from row import Row
+
+LAWS = Path(__file__).parents[1] / "loop"
+"""Folder of `laws_of_others`, which the robot's controller imports."""
 
 
 class Robots:
@@ -43,8 +47,10 @@ class Robots:
 @pytest.fixture(scope="session")
 def robots(ros_domain_id, tmp_path_factory) -> Iterator[Robots]:
     made = Robots(tmp_path_factory.mktemp("faults"))
-    yield made
-    made.end()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(LAWS), prepend=os.pathsep)
+        yield made
+        made.end()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

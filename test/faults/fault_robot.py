@@ -16,7 +16,7 @@ from typing import Any
 from hand import MARK, Hand
 from intruders import Intruders
 from record import Record
-from row import RATE, Row
+from row import LAW_OF_OTHERS, RATE, Row
 
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
@@ -51,6 +51,7 @@ _SETTINGS = {
     "sim_rig": ("speed:=0.0", f"truth_rate:={RATE / 2}"),
     "amplifier": (f"gate.ramp_time:={_RAMP_S}",),
     "manus": (f"gate.ramp_time:={_RAMP_S}",),
+    "impedance_controller": (f'laws:=["{LAW_OF_OTHERS}"]',),
 }
 _WALL = WallClock()
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from screw_module_ros.control.modes import IMPEDANCE, MODE_NAMES
+from screw_module_ros.control.laws import names
+from screw_module_ros.control.modes import IMPEDANCE
 
 if TYPE_CHECKING:
     from fault_robot import FaultRobot
@@ -40,6 +41,9 @@ STOPPED = (RESET, *ENABLE)
 MISSED = (CLEAR, *STOPPED)
 """The same where the amplifier may latch missing commands before the stop reaches it."""
 PLANE_BACK = (PLANE_CLEAR, PLANE_HOME, *STOPPED)
+
+LAW_OF_OTHERS = "laws_of_others:THE_ODD"
+"""A law from outside the package that each robot has loaded, in a mode of its own."""
 
 # Limits, in samples.
 RATE = 1000.0  # of the vertical chain [Hz]; the plane runs at half of it
@@ -131,7 +135,7 @@ class Row(NamedTuple):
     @property
     def mode_name(self) -> str:
         """Name of the control mode during the fault."""
-        return MODE_NAMES[self.mode]
+        return names()[self.mode]
 
     @property
     def longest(self) -> float:

@@ -26,7 +26,8 @@ from row import (
     goes_on,
 )
 
-from screw_module_ros.control.modes import IMPEDANCE, MODE_NAMES
+from screw_module_ros.control.laws import names
+from screw_module_ros.control.modes import IMPEDANCE
 
 GROUP = "intruders"
 _MISSED = LOST + 2 * 20 + 20 + DYING
@@ -74,7 +75,7 @@ def _storm(*acts: Act) -> Act:
 
 
 def _every_mode(robot) -> None:
-    for mode in (*MODE_NAMES, IMPEDANCE):
+    for mode in (*names(), IMPEDANCE):
         robot.set_mode(mode)
 
 

@@ -13,8 +13,7 @@ from record import STEP_S, Moment, largest_step, torque_samples, vertical
 from row import CLEAR, ENABLE, GOES_ON, HOME, OFF, PERIOD, PLANE_HOME, VERTICAL_OFF
 from rows_bus import DEVICES, KINDS
 
-from screw_module_ros.control import modes
-from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.laws import variants
 from screw_module_ros.graph import COMPOSED, GRAPH
 
 NAMES = [row.name for row in ROWS]
@@ -35,7 +34,7 @@ def test_every_node_is_killed_and_frozen():
 
 
 def test_every_law_has_rows():
-    assert {row.mode for row in ROWS} == set(MODE_NAMES) - {modes.OFF}
+    assert {row.mode for row in ROWS} == set(variants())
 
 
 @pytest.mark.parametrize("kind", KINDS)

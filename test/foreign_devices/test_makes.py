@@ -13,7 +13,7 @@ from far_end import DURAND, LOCAL_NODE
 from makes import MAKES, dictionary
 
 from screw_module_ros import profiles
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -160,7 +160,7 @@ def test_a_misread_number_passes_on_the_rig_and_not_here(
     text = (profiles.resource_path(f"params/devices/{name}.yaml")).read_text(encoding="utf-8")
     file = tmp_path / f"{name}.yaml"
     file.write_text(text.replace(f'"{right}"', f'"{wrong}"'), encoding="utf-8")
-    bench = Bench(1, None, str(file))
+    bench = OneThreadRobot(1, None, str(file))
     try:
         bench.ready()
         assert bench.drive.unguarded == ()

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent.parent / "loop"))
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 
 @pytest.fixture
 def bench():
     """A robot whose devices are there and not configured."""
-    made = Bench()
+    made = OneThreadRobot()
     made.clock.time_ns += 100_000_000  # the devices have booted
     made.clock.serve()
     yield made

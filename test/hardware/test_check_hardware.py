@@ -20,7 +20,7 @@ from screw_module_ros.locks import AlreadyRunning, lock_device
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.canopen_device import PRE_OPERATIONAL
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 PERIOD_NS = 1_000_000
 
@@ -440,7 +440,7 @@ def test_what_an_earlier_master_left_is_told(bench):
 
 @pytest.mark.parametrize("make", ["epos2", "ipos", "kinco"])
 def test_a_drive_without_a_rating_is_seen_before_the_first_start(make):
-    bench = Bench(1, drive_profile=make)
+    bench = OneThreadRobot(1, drive_profile=make)
     try:
         told = " ".join(each.found for each in devices.configured(bench.drive, "amplifier"))
         assert "does not tell its rated torque" in told

@@ -5,10 +5,11 @@
 import numpy as np
 import pytest
 
-from screw_module_ros.compiled import packed
+from screw_module_ros.compiled import compiled, packed
 from screw_module_ros.control import modes
+from screw_module_ros.control.envelope import initial_state
+from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.vertical import initial_state
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.trials import (
@@ -17,7 +18,7 @@ from screw_module_ros.identification.trials import (
     StageTrial,
     TorqueTrial,
 )
-from screw_module_ros.identification.vertical_loop import COLUMNS, run_ticks
+from screw_module_ros.identification.vertical_loop import COLUMNS, ticks_of
 from screw_module_ros.plant.world import World
 
 
@@ -49,11 +50,12 @@ def test_stage_run_shows_what_the_rigs_world_shows(module):
 
 def test_compiled_loop_is_the_plain_one(bench):
     trial = MotionTrial(modes.COMBINED, VerticalSettings())
-    params = bench._params(trial)
-    start = bench._placed(params, bench._start(trial, params))
+    params = bench._params(trial, THESIS)
+    start = bench._placed(params, bench._start(trial, THESIS, params))
     plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
-    run_ticks([params], start._replace(law=[initial_state(params.law)]), plain)
-    bench._run(packed(params), start, quick)
+    run, memory = ticks_of(THESIS), initial_state(params.law, THESIS, params.own)
+    run([params], start._replace(law=[memory]), plain)
+    compiled(run)(packed(params), start, quick)
     assert quick == pytest.approx(plain, abs=1e-9)
 
 

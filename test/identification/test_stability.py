@@ -23,7 +23,9 @@ from screw_module_ros.calibration.gain_limits import (
 )
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.compiled import compiled
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.envelope import enveloped, initial_state
+from screw_module_ros.control.laws.thesis import THESIS, Own
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.filters import lowpass_coefficients, velocity_settled, velocity_step
 from screw_module_ros.identification import calibration, stability
@@ -46,6 +48,7 @@ from screw_module_ros.settings import fields
 
 HAND, HEAVY, LIGHT_WALL = Arm(), Arm(30.0, 300.0, 30.0), Arm(1.0, 1e5, 30.0)
 USUAL = VerticalSettings()
+vertical_step = enveloped(THESIS)
 FEEDBACK_LAW, MOVING = stability.laws_of(USUAL, 30.0)
 RIGID = Mechanism(support_stiffness=stability.RIGID)
 BARE = RIGID._replace(film_damping=0.0)
@@ -60,14 +63,14 @@ def ticks_of(law, period):
     """
     smooth = lowpass_coefficients(30.0, period)
     settings = law.settings._replace(observer_rest=0.0, chatter_limit=1e6)
-    friction = thesis_friction()
-    memory, motion = initial_state(settings), velocity_settled(0.18)
+    own = Own(settings, thesis_friction())
+    memory, motion = initial_state(settings, THESIS, own), velocity_settled(0.18)
 
     def tick(nut, force):
         nonlocal motion
         velocity, motion = velocity_step(smooth, motion, 0.18 + nut, period)
         inp = VerticalInput(law.mode, 0.18 + nut, velocity, force - PRESSED, 0.23, 0.0, True)
-        return vertical_step(settings, friction, memory, inp, period).force
+        return vertical_step(settings, own, memory, inp, period).force
 
     for _ in range(3000):
         rest = tick(0.0, 0.0)

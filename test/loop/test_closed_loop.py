@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws import names
 from screw_module_ros.control.planar_settings import STUDIED_GAIN
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -17,7 +18,7 @@ from screw_module_ros.geometry import Screw
 from screw_module_ros.plant.world import ArmSettings, load_world
 from screw_module_ros.rig import build
 from screw_module_ros.rig.physics import VerticalAxis
-from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
+from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
 
 pytestmark = pytest.mark.long
 
@@ -71,8 +72,8 @@ def test_offsets_of_the_modes(enabled, mode, least, largest):
 
 def test_mode_switches_in_motion_make_no_jump(enabled):
     """Each mode after each other one while the patient moves: the force stays continuous."""
-    order = [*chain.from_iterable(combinations(modes.MODE_NAMES, 2)), modes.OFF]
-    assert {*pairwise(order)} == {*permutations(modes.MODE_NAMES, 2)}
+    order = [*chain.from_iterable(combinations(names(), 2)), modes.OFF]
+    assert {*pairwise(order)} == {*permutations(names(), 2)}
     swing(enabled, 0.8)
     begin = len(enabled.rows)
     for mode in order:
@@ -132,7 +133,7 @@ def test_a_frozen_encoder_shows_in_motion(enabled):
 
 def swung(settings=None):
     """Return the last row of a robot whose handle the patient has swung, enabled, for 1.2 s."""
-    bench = Bench(drive=settings)
+    bench = OneThreadRobot(drive=settings)
     bench.ready()
     bench.controller.mode = modes.IMPEDANCE
     assert bench.enable() == ""
@@ -209,7 +210,7 @@ def test_plane_follows_its_set_point(stiffness, gain, request):
     """
     world = load_world()
     bent = world.planar._replace(structure_stiffness=stiffness)
-    bench = Bench(world=world._replace(planar=bent))
+    bench = OneThreadRobot(world=world._replace(planar=bent))
     request.addfinalizer(bench.close)
     bench.ready()
     bench.plane.settings = bench.plane.settings._replace(force_gain=gain)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws import variants
 from screw_module_ros.plant.world import ArmSettings
 
 pytestmark = pytest.mark.long
@@ -26,7 +27,7 @@ FRICTION = {
 OBSERVER, which needs nothing known of the screw, comes nearest."""
 
 
-@pytest.mark.parametrize("mode", [mode for mode in modes.MODE_NAMES if mode != modes.OFF])
+@pytest.mark.parametrize("mode", list(variants()))
 @pytest.mark.parametrize(("aim", "largest"), [(0.34, 65.0), (0.02, -45.0)])
 def test_the_limit_holds_at_the_hand(enabled, mode, aim, largest):
     """A hand that does not give way, and a set point far beyond it: the spring presses its most."""

@@ -18,12 +18,14 @@ from hypothesis import strategies as st
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.compiled import compiled, packed
+from screw_module_ros.control.envelope import enveloped, initial_state
+from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import FORCE_FEEDBACK, IMPEDANCE, OBSERVER
 from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, slot_step
 from screw_module_ros.control.slot import initial_state as no_slot
 from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.filters import VelocityState, lowpass_coefficients, velocity_step
 from screw_module_ros.geometry import SCREW, counts_to_height
@@ -34,6 +36,7 @@ from screw_module_ros.plant.settings import load_world
 from screw_module_ros.plant.vertical import vertical_step as module_step
 
 WORLD = load_world()
+vertical_step = enveloped(THESIS)
 TRAVEL = WORLD.vertical.travel
 SUBSTEP = 50e-6
 LATE = 5  # substeps until a command acts
@@ -62,7 +65,7 @@ class Tick(NamedTuple):
     hand: float
 
 
-def loop(law, friction, memory, limits, plant, amplifier, chain, smooth, module, slotted, script,
+def loop(law, own, memory, limits, plant, amplifier, chain, smooth, module, slotted, script,
          period, record):  # fmt: skip
     """Run a tick for each row of the script: the fields of `Tick` in a row."""
     position = counts_to_height(math.floor(module.nut / SCREW.lead * 20000.0))
@@ -80,7 +83,7 @@ def loop(law, friction, memory, limits, plant, amplifier, chain, smooth, module,
             int(row[0]), position, velocity, module.shown_force, row[1], 0.0, True,
             guided.force_x, guided.weight,
         )  # fmt: skip
-        output = vertical_step(law[0], friction[0], memory[0], inp, period)
+        output = vertical_step(law[0], own[0], memory[0], inp, period)
         made, heat = commanded(chain[0], heat, output.force, 1.0, period)
         torque = on_the_wire(chain[0], made.command)
         for step in range(round(period / SUBSTEP)):
@@ -119,7 +122,7 @@ class Run(NamedTuple):
 
 def run(ticks, law, arm=HAND, rate=1000.0, support=SOFT, start=0.18) -> Run:
     """Run the ticks from a height [m] at rest; the handle is held by its pin at first."""
-    period = 1.0 / rate
+    period, own = 1.0 / rate, Own(law, thesis_friction())
     pinned = Tick(IMPEDANCE, math.nan, SLACK, False, 0.0, start)
     ticks = [pinned] * round(PINNED * rate) + ticks
     script = np.array([(*t[:2], *t.slot, t.present, t.since, t.hand) for t in ticks], float)
@@ -128,7 +131,7 @@ def run(ticks, law, arm=HAND, rate=1000.0, support=SOFT, start=0.18) -> Run:
     plant = vertical_params(module, WORLD.friction, WORLD.amplifier, WORLD.transducer, arm, SUBSTEP,
                             WORLD.sensor.bandwidth, WORLD.sensor.hysteresis)  # fmt: skip
     compiled(loop)(
-        packed(law), packed(thesis_friction()), packed(initial_state(law)), packed(SlotLimits()),
+        packed(law), packed(own), packed(initial_state(law, THESIS, own)), packed(SlotLimits()),
         packed(plant), packed(WORLD.amplifier),
         packed(TorqueChain(linearization=default_linearization())),
         lowpass_coefficients(30.0, period), resting_state(module, start, 1.0), no_slot(), script,

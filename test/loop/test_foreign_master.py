@@ -12,7 +12,7 @@ import pytest
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 LIMIT = largest_command(TorqueChain(linearization=default_linearization()))
 """What `amplifier` tells the drive as its own limit [Nm]."""
@@ -40,7 +40,7 @@ class Intruder:
 
 @pytest.fixture
 def robot():
-    made = Bench(drive=DriveSettings(max_torque=LIMIT))
+    made = OneThreadRobot(drive=DriveSettings(max_torque=LIMIT))
     made.ready()
     yield made
     made.close()

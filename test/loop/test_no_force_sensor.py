@@ -8,9 +8,11 @@ down, 85 N at the hand with the weight, where 45 N are the limit.
 from __future__ import annotations
 
 import pytest
+from laws_of_others import ODD, THE_ODD
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws import LAWS, gains_of, names, variants
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -19,11 +21,12 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 MS = 1_000_000
 
 
-def controller_in(mode: int) -> VerticalController:
+def controller_in(mode: int, laws=LAWS) -> VerticalController:
     """Return a controller whose spring would press with all that it may."""
     law = VerticalSettings(stiffness=1000.0, damping=40.0)
     watch = WatchSettings(force_required=False)
-    made = VerticalController(law, thesis_friction(), watch, AgreementSettings(), MS, mode)
+    agreement = AgreementSettings()
+    made = VerticalController(law, thesis_friction(), watch, agreement, MS, mode, laws=laws)
     made.wanted.ask((0.02,), (0.0,), MS)
     return made
 
@@ -45,18 +48,26 @@ def run(controller: VerticalController, ticks: range, force: float | None = None
         assert controller.on_encoder(position(tick), tick * MS)
 
 
-@pytest.mark.parametrize("mode", list(filter(modes.uses_force, modes.MODE_NAMES)))
+@pytest.mark.parametrize("mode", list(filter(gains_of, variants())))
 def test_no_force_is_fed_back_that_nobody_measures(mode):
     controller = controller_in(mode)
     run(controller, range(1, 3000))
     assert controller.output.force == 0.0
-    assert modes.MODE_NAMES[mode] in controller.reason and "force sensor" in controller.reason
+    assert names()[mode] in controller.reason and "force sensor" in controller.reason
     assert not controller.faulted
     controller.mode = modes.IMPEDANCE
     controller.wanted.ask((0.02,), (0.0,), 3000 * MS)  # forgotten while the law gave no force
     run(controller, range(3000, 6000))
     assert controller.reason == ""
     assert controller.output.force - controller.output.gravity == pytest.approx(-45.0)
+
+
+def test_a_law_of_others_that_needs_the_force_waits_for_a_sample():
+    controller = controller_in(ODD, (*LAWS, THE_ODD))
+    run(controller, range(1, 100))
+    assert "mode ODD feeds its force back" in controller.reason
+    run(controller, range(100, 200), force=0.0)
+    assert controller.reason == ""
 
 
 def test_a_force_sensor_that_is_not_required_may_be_used():

@@ -12,7 +12,7 @@ from screw_module_ros.devices.force_sensors import PROTOCOLS
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.rig.build import SENSORS
 from screw_module_ros.settings import SettingError
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 pytestmark = pytest.mark.long
 
@@ -44,7 +44,7 @@ def unready():
 
     def make(drive=profiles.GENERIC_402, encoder=profiles.GENERIC_406,
              sensor=profiles.NETCANOEM, word=True, lacking=None):  # fmt: skip
-        made.append(Bench(1, WORDS.get(drive) if word else None, drive, encoder, sensor))
+        made.append(OneThreadRobot(1, WORDS.get(drive) if word else None, drive, encoder, sensor))
         if lacking:
             made[-1].rig.devices["drive"].node.variable(*lacking).access_type = "ro"
         return made[-1]

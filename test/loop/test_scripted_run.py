@@ -18,17 +18,18 @@ from functools import partial
 
 import pytest
 
-from screw_module_ros.control.modes import FORCE_FEEDBACK, MODE_NAMES, OFF
+from screw_module_ros.control.laws import variants
+from screw_module_ros.control.modes import FORCE_FEEDBACK, OFF
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
-from screw_module_ros.trials.one_thread import PERIOD_NS, Bench
+from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
 
 _STROKE = ArmSettings(kind="active", amplitude=(0.05, 0.04, 0.08), omega=(3.0, 2.0, 4.0))
 
 
 def scripted_run():
     """Yield the name and the digest of each phase."""
-    bench = Bench(seed=3)
+    bench = OneThreadRobot(seed=3)
     try:
         for number, (name, phase) in enumerate(_phases(bench)):
             begin = len(bench.rows)
@@ -38,13 +39,13 @@ def scripted_run():
         bench.close()
 
 
-def _phases(bench: Bench):
+def _phases(bench: OneThreadRobot):
     yield "ready", bench.ready
     yield "enabled", lambda: _enabled(bench)
     bench.world.set_arm(_STROKE)
     bench.setpoint = (0.22, 0.05)
     bench.planar_setpoint = (0.06, -0.05, 0.02, 0.0)
-    for mode in (*(mode for mode in MODE_NAMES if mode != OFF), OFF, FORCE_FEEDBACK):
+    for mode in (*variants(), OFF, FORCE_FEEDBACK):
         yield f"mode {mode}", lambda mode=mode: _moved(bench, mode)
     bench.rig.inject("encoder", "freeze", 0.0, 0.0, bench.now_ns)
     yield "encoder frozen", lambda: bench.seconds(0.3)
@@ -54,7 +55,7 @@ def _phases(bench: Bench):
     yield "not permitted", lambda: bench.seconds(0.2)
 
 
-def _enabled(bench: Bench) -> None:
+def _enabled(bench: OneThreadRobot) -> None:
     bench.controller.mode = 1
     bench.planar_setpoint = (0.0, 0.0, 0.0, 0.0)
     begin = len(bench.rows)
@@ -64,12 +65,12 @@ def _enabled(bench: Bench) -> None:
     _until(bench, begin + 600)
 
 
-def _moved(bench: Bench, mode: int) -> None:
+def _moved(bench: OneThreadRobot, mode: int) -> None:
     bench.controller.mode = mode
     bench.seconds(0.5)
 
 
-def _recovered(bench: Bench) -> None:
+def _recovered(bench: OneThreadRobot) -> None:
     begin = len(bench.rows)
     bench.encoder.clear_fault()
     assert bench.clear_fault() == ""
@@ -77,13 +78,13 @@ def _recovered(bench: Bench) -> None:
     _until(bench, begin + 400)
 
 
-def _until(bench: Bench, ticks: int) -> None:
+def _until(bench: OneThreadRobot, ticks: int) -> None:
     """Go on until this many ticks in all, however soon a service has answered."""
     assert len(bench.rows) <= ticks
     bench.ticks(ticks - len(bench.rows))
 
 
-def _digest(bench: Bench, begin: int) -> str:
+def _digest(bench: OneThreadRobot, begin: int) -> str:
     """Return the digest of all rows from `begin` on, and of what was counted and told by then."""
     digest, plane = hashlib.sha256(), bench.plane
     for row in bench.rows[begin:]:
@@ -101,7 +102,7 @@ def _digest(bench: Bench, begin: int) -> str:
 class Apart:
     """Sensors, controller and drive as three processes, one after the other; all calls noted."""
 
-    def __init__(self, bench: Bench):
+    def __init__(self, bench: OneThreadRobot):
         self.bench, self.lines = bench, []
         self.samples, self.forces, self.commands = deque(), deque(), deque()
         encoder, force_sensor, controller, drive = bench.parts
@@ -164,7 +165,7 @@ class Apart:
 
 def apart_run():
     """Yield the name and the digest of each phase with three processes."""
-    bench = Bench(seed=4)
+    bench = OneThreadRobot(seed=4)
     try:
         bench.ready()
         bench.controller.mode = 2
@@ -204,7 +205,7 @@ FAULTS = [
 
 def fault_run(device: str, fault: str, size: float):
     """Yield the digest of a short fault in motion, of a long one, and what the mend answered."""
-    bench = Bench(seed=5)
+    bench = OneThreadRobot(seed=5)
     try:
         bench.ready()
         _enabled(bench)

@@ -7,14 +7,14 @@ import pytest
 from loop_parts import twin_of
 
 from screw_module_ros.devices.errors import WrongDevice
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 STEADY = 100  # ticks
 
 
 @pytest.fixture
 def robot():
-    made = Bench()
+    made = OneThreadRobot()
     yield made
     made.close()
 

@@ -24,7 +24,7 @@ from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.nodes.support.topics import too_many_senders
 from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
 from screw_module_ros.settings import SettingError
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 LONGEST_S = 20.0
 MS = 1_000_000
@@ -238,7 +238,7 @@ def test_the_table_of_profiles_is_told_once(make_node, monkeypatch):
     told = []
     node = make_node("amplifier")
     monkeypatch.setattr(node.get_logger(), "error", told.append)
-    bench = Bench()
+    bench = OneThreadRobot()
     del bench.rig.devices["drive"].node.object_dictionary.indices[0x6502]
     bench.clock.sleep(0.1)
     try:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.modes import ALL_NAMES
+from screw_module_ros.control.laws import all_names
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
 from screw_module_ros.loop.controller import NO_FORCE
@@ -60,7 +60,7 @@ def test_force_samples(reading):
 
 
 @given(
-    encoders, st.lists(number, min_size=6, max_size=6), st.sampled_from(list(ALL_NAMES)),
+    encoders, st.lists(number, min_size=6, max_size=6), st.sampled_from(list(all_names())),
     st.booleans(), u32,
 )  # fmt: skip
 def test_force_commands(sample, values, mode, saturated, activation):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.control.laws import all_names, gains_of, variants
 from screw_module_ros.control.limits import LONGEST_STEP
-from screw_module_ros.control.modes import ALL_NAMES, MODE_NAMES, OFF, uses_force
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -19,8 +19,8 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = thesis_friction()
 ROUNDING = 1e-9
-SPRINGS = [mode for mode in MODE_NAMES if mode != OFF]
-FEEDBACKS = list(filter(uses_force, MODE_NAMES))
+SPRINGS = list(variants())
+FEEDBACKS = list(filter(gains_of, variants()))
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
 offs = st.sampled_from((0, 0, 0, 1, -1, 2))  # of a sample's number, from that of its tick
 setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))
@@ -126,7 +126,7 @@ class Controller(RuleBasedStateMachine):
         self.now_ns += wait
         self.judge(self.controller.idle(self.now_ns))
 
-    @rule(mode=st.integers(-1, max(ALL_NAMES)), change=live_changes(VerticalSettings))
+    @rule(mode=st.integers(-1, max(all_names())), change=live_changes(VerticalSettings))
     def operator(self, mode, change):
         self.controller.mode = mode
         changed = self.controller.settings._replace(**dict([change]))

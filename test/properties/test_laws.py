@@ -15,16 +15,20 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
+from screw_module_ros.control.envelope import enveloped, initial_state
+from screw_module_ros.control.laws import all_names
+from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
-from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.safety.checks import WatchSettings
 from screw_module_ros.settings import fields, validated
 
 MODEL = thesis_friction()
 ROUNDING = 1e-9
+vertical_step = enveloped(THESIS)
 periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.1))
 
 
@@ -43,12 +47,12 @@ class VerticalLaw(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.settings = VerticalSettings().validated()
-        self.state = initial_state(self.settings)
+        self.state = initial_state(self.settings, THESIS, Own(self.settings, MODEL))
         self.mode = modes.OFF
         self.force = 0.0
         self.since_zero = 0.0
 
-    @rule(mode=st.integers(-1, max(modes.ALL_NAMES)))
+    @rule(mode=st.integers(-1, max(all_names())))
     def switch(self, mode):
         self.mode = mode
 
@@ -70,7 +74,7 @@ class VerticalLaw(RuleBasedStateMachine):
     def sample(self, position, velocity, force, wanted, speed, active, slot, dt, repeats):
         inp = VerticalInput(self.mode, position, velocity, force, wanted, speed, active, *slot)
         for _ in range(repeats):
-            output = vertical_step(self.settings, MODEL, self.state, inp, dt)
+            output = vertical_step(self.settings, Own(self.settings, MODEL), self.state, inp, dt)
             self.judge(inp, dt, output)
 
     def judge(self, inp, dt, output):

@@ -10,13 +10,14 @@ from anything import fixed, near
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from screw_module_ros.control.laws import names, variants
 from screw_module_ros.control.limits import LONGEST_STEP, CommandLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
-from screw_module_ros.control.modes import FORCE_FEEDBACK, MODE_NAMES, OFF
+from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.safety.permit import CLOSED, OPEN
-from screw_module_ros.trials.one_thread import Bench
+from screw_module_ros.trials.one_thread import OneThreadRobot
 
 pytestmark = pytest.mark.long
 
@@ -35,9 +36,9 @@ FAULTS = st.sampled_from(
 class WholeAxis(RuleBasedStateMachine):
     """An operator, a game and bad luck, each doing anything; every tick is judged."""
 
-    @initialize(mode=st.sampled_from([mode for mode in MODE_NAMES if mode != OFF]))
+    @initialize(mode=st.sampled_from(list(variants())))
     def begin(self, mode):
-        self.bench = Bench()
+        self.bench = OneThreadRobot()
         self.bench.ready()
         self.bench.rows.clear()
         self.asked = False
@@ -82,7 +83,7 @@ class WholeAxis(RuleBasedStateMachine):
         return min((self.acted_ns - before) * 1e-9, LONGEST_STEP)
 
     @rule(
-        mode=st.sampled_from(list(MODE_NAMES)),
+        mode=st.sampled_from(list(names())),
         setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)),
     )
     def play(self, mode, setpoint):

@@ -36,12 +36,12 @@ from screw_module_ros.calibration.module import (
 )
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.excitation import Excitation, as_numbers
+from screw_module_ros.control.laws import names
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import (
     COMBINED,
     EXCITATION,
     FRICTION_COMPENSATION,
-    MODE_NAMES,
     OFF,
 )
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -478,7 +478,7 @@ class LiveBench:
                 fixture.hand_lets_go()
             on_progress(min(elapsed / trial.duration, 1.0))
 
-        self._say(f"the hand moves, {MODE_NAMES[trial.mode]}")
+        self._say(f"the hand moves, {names()[trial.mode]}")
         try:
             fixture.hand_moves(trial)
             begin_ns = self.clock.now_ns()
@@ -537,7 +537,7 @@ def name_of(trial: Trial) -> str:
         return f"torque_{trial.frequency:.3g}Hz_{trial.amplitude:g}Nm"
     if isinstance(trial, StageTrial):
         return f"stage_{1e3 * trial.speed:+g}mm_s"
-    return f"motion_{MODE_NAMES[trial.mode].lower()}" if isinstance(trial, MotionTrial) else "other"
+    return f"motion_{names()[trial.mode].lower()}" if isinstance(trial, MotionTrial) else "other"
 
 
 def excitation_of(trial: TorqueTrial, rate: float) -> Excitation:

@@ -56,6 +56,10 @@ class Parameters:
         for prefix, kind in prefixed.items():
             self.declare_with(kind, prefix)
 
+    def knows(self, prefix: str) -> bool:
+        """Return whether a parameter has a name, or one below it."""
+        return any(f"{name}.".startswith(f"{prefix}.") for name in self._fields)
+
     def declare_with(
         self, kind: type, prefix: str = "", without: tuple[str, ...] = (), **defaults: Any
     ) -> None:

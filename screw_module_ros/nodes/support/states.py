@@ -66,7 +66,7 @@ def at_base(kind: Any) -> Any:
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
     """Write the controller's state into its message."""
-    output, law = controller.output, controller.state
+    output, law = controller.output, controller.laws.state
     message.mode = controller.mode
     message.faulted = controller.faulted
     message.reason = controller.reason
@@ -78,7 +78,9 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.desired_position = output.desired_position
     message.desired_velocity = output.desired_velocity
     message.stiffness, message.damping = law.stiffness, law.damping
-    message.force_gain = law.gain
+    message.force_gain = controller.laws.force_gain
+    shown = controller.laws.shown
+    message.law_names, message.law_values = list(shown), list(shown.values())
     message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force
