@@ -40,8 +40,10 @@ setup(
         (f"share/{NAME}/security", sorted(glob("security/*.*"))),
     ],
     zip_safe=False,
-    # colcon looks for pytest
-    extras_require={"test": ["durand", "hypothesis", "pytest", "pytest-timeout"]},
+    extras_require={
+        "cluster": ["distributed"],  # study --scheduler
+        "test": ["durand", "hypothesis", "pytest", "pytest-timeout"],  # colcon looks for pytest
+    },
     entry_points={
         "console_scripts": EXECUTABLES,
         "can.interface": [f"rig = {NAME}.can_io.rig_bus:RigBus"],

@@ -15,7 +15,7 @@ import os
 import signal
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -157,7 +157,7 @@ class Lab:
 
 
 def done_by(
-    pool: ProcessPoolExecutor, work: Callable[..., Any], jobs: Mapping[Any, tuple]
+    pool: Executor, work: Callable[..., Any], jobs: Mapping[Any, tuple]
 ) -> Iterator[tuple[Any, Any]]:
     """Do work with the arguments of each job; return names and results as they come.
 

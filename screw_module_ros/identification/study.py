@@ -12,15 +12,23 @@ hardware.
 With `--plane` it is the plane, without and with force feedback: the arm with its set of joint
 inertias and the structure that bends, rate, delay, age of the force, counts of the joints, and
 place and direction of the motion in the workspace are drawn as well.
+
+`--law` adds a law of another package: its modes stand beside the shipped ones, on the same rigs and
+in the same trials. `--scheduler` sends the trials to a dask cluster that runs already, in place of
+processes of this machine; a rig and a trial are drawn by their seed, so the rows are the same.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,11 +37,13 @@ import numpy as np
 from rich.progress import Progress
 
 from ..control import modes
+from ..control.laws import LAWS, law_of, loaded, variants
 from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..control.vertical_settings import VerticalSettings
 from ..plant import planar
 from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
+from ..settings import SettingError
 from ..terminal import Console, command
 from .bench import InProcessBench, LoopSettings
 from .force_error import WALLS, wall, with_damping
@@ -46,8 +56,7 @@ from .report import shown
 from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, PlaneLoop
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
-MODES = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
-         modes.OBSERVER)  # fmt: skip
+MODES = tuple(variants())
 CENTRE = 0.18  # of the spring [m]
 _COUNTS = (2000, 4000, 8192, 20000)
 _HAND = Arm()
@@ -58,6 +67,7 @@ _REACHES = {  # way [m] and time [s] of a minimum-jerk reach
 }
 _AHEAD = 0.02  # of an obstacle from the centre [m]
 _SUDDEN_S = 0.02
+_SCHEDULER_S = 10.0
 
 
 class Rig(NamedTuple):
@@ -131,10 +141,13 @@ def _case(
     obstacle: float = 0.0, before: HandPath | None = None, released: float = math.inf,
     from_mode: int | None = None,
 ) -> Case:  # fmt: skip
-    """Return a case; from_mode: that of the trial up to half of its time, None = no change."""
+    """Return a case; from_mode: that of the trial up to half of its time, None = no change.
+
+    A law of another package takes over from OFF: a trial has one law.
+    """
 
     def trial(mode: int, law: VerticalSettings) -> HandTrial:
-        begun = mode if from_mode is None else from_mode
+        begun = mode if from_mode is None else from_mode if law_of(mode) else modes.OFF
         motion = MotionTrial(
             begun, law, arm=arm, centre=CENTRE, duration=seconds, released_after=released
         )
@@ -217,8 +230,10 @@ WANTED = {
 }  # fmt: skip
 
 
-def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
-    """Return the figures of one case on one rig in one mode."""
+def measured(
+    family: str, seed: int, mode: int, name: str, laws: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """Return the figures of one case on one rig in one mode; laws: of other packages."""
     rig, case = drawn(family, seed), CASES[name]
     world = rig.world
     if case.obstacle:  # an end stop in the way: it acts on the carriage, not on the transducer
@@ -229,7 +244,7 @@ def measured(family: str, seed: int, mode: int, name: str) -> dict[str, float]:
     trial = case.trial(mode, law)
     if trial.motion.arm.mass:  # a wall has none, and no grip
         trial = trial._replace(grip=rig.grip)
-    samples = InProcessBench(world, rig.loop, seed).record(trial, lambda share: None)
+    samples = InProcessBench(world, rig.loop, seed, laws).record(trial, lambda share: None)
     period = float(samples.time[1] - samples.time[0])
     first = round(case.first / period)
     handle, velocity, force = samples.felt
@@ -292,11 +307,16 @@ class Subject(NamedTuple):
     measured: Callable[[str, int, int, str], dict[str, float]]
 
 
-VERTICAL = Subject(
-    {mode: f"mode {mode}" for mode in MODES},
-    {name: case.figures for name, case in CASES.items()},
-    measured,
-)
+def vertical(laws: tuple[str, ...] = ()) -> Subject:
+    """Return the vertical axis with laws of other packages. Raises SettingError for no law."""
+    others = loaded(laws)[len(LAWS) :]
+    kinds = {mode: f"mode {mode}" for mode in MODES}
+    kinds |= {mode: variant.name for mode, variant in variants(others).items()}
+    figures = {name: case.figures for name, case in CASES.items()}
+    return Subject(kinds, figures, partial(measured, laws=laws) if laws else measured)
+
+
+VERTICAL = vertical()
 PLANE = Subject(
     {0: "no feedback", 1: "feedback"},
     {name: tuple(case.figures.split()) for name, case in PLANAR_CASES.items()},
@@ -310,31 +330,45 @@ Found = dict[str, dict[str, dict[int, list[float]]]]
 @click.option("--rigs", default=10, type=click.IntRange(1, 1000), help="Rigs of each family.")
 @click.option("--first-seed", default=1, type=click.IntRange(0), help="The first rig's seed.")
 @click.option(
-    "--mode", "chosen", multiple=True, type=click.Choice([str(mode) for mode in MODES]),
+    "--mode", "chosen", multiple=True, type=click.IntRange(1),
     help="This mode alone (repeat for more).",
-)  # fmt: skip
+)
+@click.option(
+    "--law", "laws", multiple=True, metavar="LAW",
+    help="A law of another package too: package.module:NAME, or its entry point.",
+)
 @click.option("--plane", is_flag=True, help="The plane in place of the vertical modes.")
 @click.option(
     "--case", "cases", multiple=True, type=click.Choice([*CASES, *PLANAR_CASES]),
     help="This case alone.",
 )
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
-              default=Path("study_output"), help="Folder of study.md and study.json.")  # fmt: skip
+              default=Path("study_output"), help="Folder of study.md, .json, .csv.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--scheduler", metavar="ADDRESS",
+              help="Scheduler of a dask cluster that runs already, in place of processes here.")
 def study(
-    console: Console, rigs: int, first_seed: int, chosen: tuple[str, ...], plane: bool,
-    cases: tuple[str, ...], folder: Path, workers: int | None,
+    console: Console, rigs: int, first_seed: int, chosen: tuple[int, ...], laws: tuple[str, ...],
+    plane: bool, cases: tuple[str, ...], folder: Path, workers: int | None, scheduler: str | None,
 ) -> None:  # fmt: skip
     """Measure every mode on rigs drawn by seed and write one table: median, worst."""
     begun = time.monotonic()
     seeds = range(first_seed, first_seed + rigs)
-    subject = PLANE if plane else VERTICAL
-    names, kinds = cases or tuple(subject.figures), tuple(map(int, chosen)) or tuple(subject.kinds)
-    if not set(names) <= set(subject.figures) or not set(kinds) <= set(subject.kinds):
-        raise click.UsageError("--mode and the cases of the vertical axis go without --plane")
+    if plane and laws:
+        raise click.UsageError("--law is for the vertical axis: without --plane")
+    try:
+        subject = PLANE if plane else vertical(laws)
+    except SettingError as error:
+        raise click.UsageError(str(error)) from None
+    names, kinds = cases or tuple(subject.figures), chosen or tuple(subject.kinds)
+    if not set(names) <= set(subject.figures):
+        raise click.UsageError("the cases of the vertical axis go without --plane")
+    if unknown := sorted(set(kinds) - set(subject.kinds)):
+        known = ", ".join(map(str, subject.kinds))
+        raise click.UsageError(f"--mode {unknown[0]} is none of {known}; --plane has none")
     wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
     folder.mkdir(parents=True, exist_ok=True)
-    with worker_pool(workers) as pool, Progress(console=console.rich) as bars:
+    with executor(workers, scheduler) as pool, Progress(console=console.rich) as bars:
         bar = bars.add_task("trials", total=len(wanted))
         values = {}
         for each, figures_of in done_by(pool, subject.measured, {each: each for each in wanted}):
@@ -356,7 +390,8 @@ def study(
     }
     seconds = time.monotonic() - begun
     head = f"Rigs {seeds[0]} to {seeds[-1]} of each family: {len(wanted)} trials in {seconds:.0f} s"
-    called = f"study{' --plane' * plane} --rigs {rigs} --first-seed {first_seed}"
+    words = [f"--law {law}" for law in laws] + ["--plane"] * plane
+    called = " ".join(["study", *words, f"--rigs {rigs} --first-seed {first_seed}"])
     text = [f"# Study\n\n{head}: `{called}`."]
     for family, cases_of in found.items():
         title = f"Family {family}, {FAMILIES[family]}: median / worst"
@@ -365,7 +400,51 @@ def study(
         console.show(shown(title, rows[0], rows[1:]))
     (folder / "study.md").write_text("\n".join(text) + "\n", encoding="utf-8")
     (folder / "study.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    with (folder / "study.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(rows_of_rigs(found, subject.kinds, seeds))
     console.show(f"{head}. The table: {folder / 'study.md'}")
+
+
+@contextmanager
+def executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
+    """Yield what runs trials: processes of this machine, or a dask cluster that runs already.
+
+    Raises UsageError without the package, or where no scheduler answers.
+    """
+    if scheduler is None:
+        with worker_pool(workers) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise click.UsageError(
+            "--scheduler needs the package distributed: pip install screw_module_ros[cluster]"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=_SCHEDULER_S)
+    except (OSError, ValueError) as error:
+        raise click.UsageError(f"--scheduler {scheduler}: no dask scheduler: {error}") from None
+    with client, client.get_executor(pure=False) as pool:
+        yield pool
+
+
+def rows_of_rigs(
+    found: dict[str, Found], kinds: dict[int, str], seeds: range
+) -> list[tuple[Any, ...]]:
+    """Return a table with one row for each rig and kind, the first is its head."""
+    columns = [
+        (name, figure)
+        for name, figures in next(iter(found.values())).items() for figure in figures
+    ]  # fmt: skip
+    head = ("family", "seed", "kind", *(f"{name}: {FIGURES[figure]}" for name, figure in columns))
+    rows: list[tuple[Any, ...]] = [head]
+    for family, cases in found.items():
+        for kind in next(iter(cases[columns[0][0]].values())):
+            for number, seed in enumerate(seeds):
+                values = (cases[name][figure][kind][number] for name, figure in columns)
+                rows.append((family, seed, kinds[kind], *values))
+    return rows
 
 
 def table_rows(found: Found, kinds: dict[int, str]) -> list[tuple[str, ...]]:

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from laws_of_others import FLOOR
 
 from screw_module_ros.control import modes
 from screw_module_ros.identification import study
@@ -86,6 +88,57 @@ def test_the_command_writes_one_table_of_median_and_worst(tmp_path):
     assert values == [measured("A", seed, 1, "held")["rms"] for seed in (1, 2)]
     assert f"{np.median(values):.3g} / {max(values):.3g}" in text
     assert "Family B, soft grip" in text and "study --rigs 2 --first-seed 1" in text
+
+
+def rows_in(folder):
+    """Return the table of the rigs."""
+    with (folder / "study.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.usefixtures("in_a_thread")
+def test_a_law_of_another_package_stands_beside_the_shipped_ones(tmp_path):
+    """On the same rigs, in the same trials; one row for each rig and mode."""
+    words = ["--law", "laws_of_others:THE_FLOOR", "--mode", "1", "--mode", str(FLOOR),
+             "--case", "small", "--case", "mode changed at rest"]  # fmt: skip
+    text, found = studied(tmp_path, *words)
+    assert "| mode 1 | FLOOR | wanted |" in text and "study --law laws_of_others:THE_FLOOR" in text
+    rows = rows_in(tmp_path)
+    assert [(row["family"], row["seed"], row["kind"]) for row in rows] == [
+        ("A", "1", "mode 1"), ("A", "1", "FLOOR"), ("B", "1", "mode 1"), ("B", "1", "FLOOR"),
+    ]  # fmt: skip
+    (plain,), (floor,) = (found["small"]["rms"][str(mode)] for mode in (1, FLOOR))
+    assert (float(rows[0]["small: rms [N]"]), float(rows[1]["small: rms [N]"])) == (plain, floor)
+    assert 0.0 < floor < plain, "its force feedback takes a part of the friction away"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--law", "laws_of_others:NONE"], "has no attribute 'NONE'"),
+        (["--mode", str(FLOOR)], f"--mode {FLOOR} is none of 1, 2, 3, 4, 5"),
+        (["--law", "laws_of_others:THE_FLOOR", "--plane"], "--law is for the vertical axis"),
+        (["--scheduler", "tcp://127.0.0.1:1"], "--scheduler"),
+    ],
+)
+def test_what_cannot_be_studied_is_told_in_a_sentence(tmp_path, words, said):
+    run = CliRunner().invoke(study.study, ["--folder", str(tmp_path), *words])
+    assert run.exit_code == 2 and said in run.output
+
+
+@pytest.mark.long
+def test_a_cluster_gives_the_same_rows(tmp_path):
+    """Needs the extra `cluster`: skipped without it."""
+    distributed = pytest.importorskip("distributed")
+    cluster = {"processes": False, "dashboard_address": None, "threads_per_worker": 1}
+    words = ["--folder", "{}", "--rigs", "1", "--case", "held", "--mode", "1", "--mode", "5"]
+    with distributed.LocalCluster(n_workers=1, **cluster) as made:
+        for name, more in (("here", ["--workers", "1"]), ("there", ["--scheduler"])):
+            at = [made.scheduler_address] if name == "there" else []
+            call = [word.format(tmp_path / name) for word in words]
+            run = CliRunner().invoke(study.study, [*call, *more, *at])
+            assert run.exit_code == 0, run.output
+    assert rows_in(tmp_path / "here") == rows_in(tmp_path / "there")
 
 
 @pytest.mark.usefixtures("in_a_thread")
