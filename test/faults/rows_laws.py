@@ -9,6 +9,7 @@ from __future__ import annotations
 from laws_of_others import ODD
 from row import (
     AT_ONCE,
+    BY_CHANCE,
     CLEAR,
     EITHER,
     MODE,
@@ -60,5 +61,5 @@ ROWS = [
             _law_with(pull=500.0), "no node: the envelope bounds it", mend=_quiet),
     Row("law-unstable", GROUP, "a law from outside the package has a damper of -100 Ns/m",
         _law_with(damping=-100.0), None, (CLEAR, MODE, *STOPPED), "guard's damper, speed limit",
-        mend=_quiet, outcome=EITHER, watch=1.0),
+        BY_CHANCE, BY_CHANCE, mend=_quiet, outcome=EITHER, watch=1.0),
 ]  # fmt: skip

@@ -45,9 +45,7 @@ def ask(own, m, sample: Sample, motion: Motion):
         raise KeyError("no such muscle")
     if own.nan:
         return pulls(math.nan)
-    end = time.thread_time() + 1e-3 * own.busy
-    while time.thread_time() < end:
-        pass
+    burn(own.busy)
     worked.ns += round(own.work * 1e6)
     m.sign, m.ticks = -m.sign if own.alternates else 1.0, m.ticks + 1.0
     return pulls(m.sign * own.pull - own.damping * sample.velocity)
@@ -65,7 +63,15 @@ def foresee(own, m, sample: Sample) -> float:
 
 def rest(own, m) -> None:
     """Forget the ticks."""
+    burn(own.busy)
     m.ticks = 0.0
+
+
+def burn(milliseconds: float) -> None:
+    """Use so much processor time."""
+    end = time.thread_time() + 1e-3 * milliseconds
+    while time.thread_time() < end:
+        pass
 
 
 class Worked:

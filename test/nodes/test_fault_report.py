@@ -84,6 +84,7 @@ def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, sha
     joints = [SimpleNamespace(warmth=warmth) for warmth in (0.1, 0.97)]
     node._plane = SimpleNamespace(homed=True, share=share, skipped=0, joints=joints)
     node._slot = SimpleNamespace(refused="")
+    node._pullers = SimpleNamespace(warning="")
     monkeypatch.setattr(node, "port_values", lambda skipped: {})
     monkeypatch.setattr(node, "drive_health", lambda values, state: Health(level, "", values))
     health = node.health()

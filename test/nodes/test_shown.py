@@ -43,7 +43,7 @@ class Noted:
 @pytest.mark.parametrize(
     ("kind", "fill", "part", "by_the_node"),
     [
-        (ImpedanceState, fill_controller, "controller", {"header", "calibration"}),
+        (ImpedanceState, fill_controller, "controller", {"header", "calibration", "law"}),
         (AmplifierState, fill_amplifier, "axis", {"header", "calibration"}),
         (PlanarState, fill_plane, "plane", {"header", "sequence", "monotonic_ns"}),
     ],

@@ -10,6 +10,7 @@ from rclpy.serialization import serialize_message
 from rich.console import Console
 from screw_module_msgs.msg import AmplifierState, EncoderSample, EndpointState, ForceSample
 
+from screw_module_ros.control.laws.thesis import refusal
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
 from screw_module_ros.recording.definitions import Definitions
@@ -138,8 +139,8 @@ def test_the_offset_without_the_damper_has_a_column_of_its_own(good):
 
 def test_every_mode_gets_the_damper_that_the_observer_needs():
     law = VerticalSettings(stiffness=COMMANDED.stiffness, damping=COMMANDED.damping)
-    assert not any(law.refusal(mode.number) for mode in MODES.values())
-    assert law._replace(damping=COMMANDED.damping - 1.0).refusal(MODES[OBSERVER].number)
+    assert not any(refusal(law, mode.number) for mode in MODES.values())
+    assert refusal(law._replace(damping=COMMANDED.damping - 1.0), MODES[OBSERVER].number)
 
 
 def test_each_path_is_drawn_with_the_targets_that_were_visited(good):
