@@ -182,7 +182,7 @@ class Law:
 
     name: str
     variants: dict[int, Variant]
-    settings: type
+    settings: Any
     memory: Callable[[Any], Any] = no_memory
     foresee: Callable[[Any, Any, Sample], float] = nothing_foreseen
     ask: Callable[[Any, Any, Sample, Motion], Asked] = spring

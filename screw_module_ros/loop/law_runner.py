@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..control.envelope import LEAVE, EnvelopeState, enveloped, initial_state
 from ..control.friction import FrictionModel
@@ -17,6 +18,12 @@ from ..control.vertical_settings import VerticalSettings
 MOST, MOST_ONCE = 0.5, 2.0
 """Periods of processor time that a law may take: three steps running, and once."""
 RUNNING = 3
+
+
+class _Broken(NamedTuple):
+    """In place of what a law's functions get: making it raised this error."""
+
+    error: Exception
 
 
 class LawRunner:
@@ -47,6 +54,7 @@ class LawRunner:
         self._chosen = {law.name: law.settings() for law in others} | dict(settings or {})
         self._friction, self._work_ns, self._period_ns = friction, work_ns, period_ns
         self._slow = 0
+        self._owns: dict[str, Any] = {}
         self._take(p)
         self.restart()
 
@@ -58,7 +66,11 @@ class LawRunner:
     def _take(self, p: VerticalSettings) -> None:
         self._p = p
         robot = Robot(self._friction, p.mass, p.gravity)
-        self._owns = {law.name: law.own(self._chosen.get(law.name, p), robot) for law in self.laws}
+        for law in self.laws:
+            try:
+                self._owns[law.name] = law.own(self._chosen.get(law.name, p), robot)
+            except Exception as error:  # told when the law runs: the others need not know
+                self._owns[law.name] = _Broken(error)
 
     def needs_force(self, mode: int) -> bool:
         """Return whether a mode cannot begin before a sample of the handle's force."""
@@ -71,8 +83,9 @@ class LawRunner:
 
     @property
     def shown(self) -> dict[str, float]:
-        """Numbers that the running law names, of its memory."""
-        return {name: float(getattr(self.state.law, name)) for name in self.law.shown}
+        """Numbers that the running law names, of its memory; NaN for what is none there."""
+        values = {name: getattr(self.state.law, name, math.nan) for name in self.law.shown}
+        return {name: v if isinstance(v, (int, float)) else math.nan for name, v in values.items()}
 
     @property
     def force_gain(self) -> float:
@@ -80,35 +93,60 @@ class LawRunner:
         return self.state.law.gain if self.law is THESIS else 0.0
 
     def restart(self) -> None:
-        """Forget everything: no force, the set point at the next sample."""
-        self.state: EnvelopeState = initial_state(self._p, self.law, self._owns[self.law.name])
+        """Forget everything: no force, the set point at the next sample.
+
+        A law that cannot even begin anew makes room for the first one of this package.
+        """
+        try:
+            self.state: EnvelopeState = self._begun()
+        except Exception:
+            self.law = self.laws[0]
+            self.state = self._begun()
+
+    def _begun(self) -> EnvelopeState:
+        return initial_state(self._p, self.law, self._own(self.law))
+
+    def _own(self, law: Law) -> Any:
+        """Return what the law's functions get. Raises the law's own error."""
+        own = self._owns[law.name]
+        if isinstance(own, _Broken):
+            raise own.error
+        return own
 
     def step(self, p: VerticalSettings, inp: VerticalInput, dt: float) -> VerticalOutput | None:
         """Return the running law's command, None with `wrong` where it has none."""
-        if p is not self._p:
-            self._take(p)
-        if (wanted := self._of.get(inp.mode, self.law)) is not self.law:
-            if self.state.weight == 0.0 or not inp.active:
-                self.law, self._slow = wanted, 0
-                self.state.law = wanted.memory(self._owns[wanted.name])
-            else:
-                inp = inp._replace(mode=LEAVE)
         self.wrong = ""
         begun = self._work_ns() if self._work_ns else 0
+        wanted = self._of.get(inp.mode, self.law)
         try:
-            output = self._steps[self.law.name](p, self._owns[self.law.name], self.state, inp, dt)
+            if p is not self._p:
+                self._take(p)
+            if wanted is not self.law:
+                inp = self._making_room(wanted, inp)
+            own = self._owns[self.law.name]
+            if type(own) is _Broken:
+                raise own.error
+            output = self._steps[self.law.name](p, own, self.state, inp, dt)
         except Exception as error:  # the law may be somebody else's: anything may come out of it
-            self._fails(f"{type(error).__name__}: {error}")
+            self._fails(wanted, f"{type(error).__name__}: {error}")
             return None
         if self.state.wrong:
-            self._fails("its answer is no number")
+            self._fails(self.law, "its answer is no number")
             return None
         if self._work_ns:
             self._judge(self._work_ns() - begun)
         return None if self.wrong else output
 
-    def _fails(self, why: str) -> None:
-        self.wrong = f"law {self.law.name}: {why}"
+    def _making_room(self, wanted: Law, inp: VerticalInput) -> VerticalInput:
+        """Let another law take over once the running one has faded out; until then it leaves."""
+        if self.state.weight > 0.0 and inp.active:
+            return inp._replace(mode=LEAVE)
+        memory = wanted.memory(self._own(wanted))
+        self.law, self.state.law, self._slow = wanted, memory, 0
+        return inp
+
+    def _fails(self, law: Law, why: str) -> None:
+        self.wrong = f"law {law.name}: {why}"
         self._slow = 0
         self.restart()
 
@@ -119,6 +157,7 @@ class LawRunner:
         if periods > MOST_ONCE or self._slow >= RUNNING:
             most = MOST_ONCE if periods > MOST_ONCE else MOST
             self._fails(
+                self.law,
                 f"{taken_ns / 1e6:.2f} ms of processor time for a step, more than "
                 f"{most * self._period_ns / 1e6:g} ms"
             )

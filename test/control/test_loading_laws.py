@@ -67,6 +67,7 @@ def test_what_is_no_law_is_told_in_a_sentence(named, said):
         ({"variants": {100: Variant("A"), 102: Variant("B")}}, "they must follow each other"),
         ({"heeds": True}, "the envelope does that"),
         ({"settings": dict}, "its settings are no NamedTuple"),
+        ({"settings": NamedTuple("Bare", [("gain", float)])}, "its setting gain has no default"),
         ({"shown": tuple("abcdefghi")}, "shows 9 numbers: 8 at most"),
         ({"variants": {100: Variant("A", ("force",))}}, "its gain force is none of its settings"),
     ],

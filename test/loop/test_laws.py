@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import math
 import statistics
+from dataclasses import replace
 
 import pytest
 from laws_of_others import FLOOR, ODD, THE_FLOOR, THE_ODD, OddSettings, worked
 
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.guard import PASSIVE
 from screw_module_ros.control.laws import LAWS
-from screw_module_ros.loop.law_runner import MOST, MOST_ONCE, RUNNING
+from screw_module_ros.control.vertical import VerticalInput
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.loop.law_runner import MOST, MOST_ONCE, RUNNING, LawRunner
 from screw_module_ros.plant.patient import ArmSettings
 from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
 
@@ -88,6 +92,46 @@ def test_an_answer_that_is_no_number_ends_in_zero_force(running, where, number):
 def test_an_error_of_a_law_ends_in_zero_force(running):
     odd(running, 0.002, raises=True)
     ends_in_zero_force(running, "law odd: KeyError: 'no such muscle'")
+
+
+def fails(own, *more):
+    """Raise, wherever a law is asked."""
+    raise ArithmeticError("no such number")
+
+
+@pytest.mark.parametrize("where", ["own", "memory", "rest", "foresee", "ask", "help"])
+def test_whatever_of_a_law_raises_the_robot_stops_and_goes_on_with_another(where):
+    made = OneThreadRobot(laws=(*LAWS, replace(THE_ODD, **{where: fails})))
+    hold(made)
+    made.ready()
+    made.controller.mode = modes.IMPEDANCE
+    assert made.enable() == ""
+    made.seconds(0.6)
+    made.controller.mode = ODD
+    rows = made.seconds(1.2)
+    if where == "rest":  # which is called while no force acts
+        assert made.disable() == ""
+        rows = made.seconds(0.1)
+    else:
+        said = [row.reason for row in rows if row.reason]
+        assert said and said[0] == "law odd: ArithmeticError: no such number"
+    assert rows[-1].force == 0.0
+    made.controller.mode = modes.IMPEDANCE
+    made.seconds(0.1)
+    made.controller.reset(made.now_ns)
+    assert made.clear_fault() == "" and made.enable() == ""
+    assert made.seconds(0.8)[-1].force == pytest.approx(10.0, abs=1.0)
+    made.close()
+
+
+@pytest.mark.parametrize("answer", [None, 3, (1.0, 2.0), "65"])
+def test_an_answer_of_another_kind_ends_in_zero_force(answer):
+    settings = VerticalSettings()
+    odd = replace(THE_ODD, ask=lambda own, m, sample, motion: answer)
+    runner = LawRunner(settings, thesis_friction(), (*LAWS, odd))
+    inp = VerticalInput(ODD, 0.2, 0.0, 0.0, math.nan, 0.0, True)
+    assert runner.step(settings, inp, 1e-3) is None
+    assert runner.wrong.startswith("law odd: AttributeError")
 
 
 def test_a_law_that_takes_long_once_ends_in_zero_force(running):

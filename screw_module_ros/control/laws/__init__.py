@@ -113,6 +113,8 @@ def flaw(law: Law) -> str:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
     if not hasattr(law.settings, "_fields"):
         return "its settings are no NamedTuple"
+    if bare := sorted(set(law.settings._fields) - set(law.settings._field_defaults)):
+        return f"its setting {bare[0]} has no default"
     if len(law.shown) > MOST_SHOWN:
         return f"it shows {len(law.shown)} numbers: {MOST_SHOWN} at most are published"
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
