@@ -2,6 +2,7 @@
 """The law on the whole robot in one thread, without ROS: a hand moves, and meets the floor."""
 
 import sys
+import time
 
 from mylab import FLOOR, FloorSettings
 
@@ -15,7 +16,7 @@ HAND = ArmSettings("active", target=(0.0, 0.0, 0.20), amplitude=(0, 0, 0.08), om
 
 def felt(seconds: float = 6.0, own: FloorSettings | None = None):
     """Return the ticks of a robot on which the law runs: time, position [m], forces [N]."""
-    robot = OneThreadRobot(laws=(*LAWS, FLOOR))
+    robot = OneThreadRobot(laws=(*LAWS, FLOOR), work_ns=time.thread_time_ns)
     try:
         robot.ready()
         robot.controller.laws.choose("floor", own or FloorSettings())

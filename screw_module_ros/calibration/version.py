@@ -7,6 +7,7 @@ import functools
 import hashlib
 import importlib
 import inspect
+from typing import Any
 
 from ..behaviour import PACKAGE, canonical_source, digest
 from ..control.envelope import enveloped, initial_state
@@ -22,18 +23,23 @@ def law_version(law: Law = THESIS) -> str:
     not see stands in the conditions of gain limits as far as the linear model depends on it: values
     of settings, rate and delay of the loop, the encoder's filter. Of a law of others it is that of
     the envelope together with all of the law's file, without comments and docstrings; what the file
-    imports from elsewhere is not seen. Raises OSError when a source cannot be read.
+    imports from elsewhere is not seen. It is "unknown" where a source cannot be read.
     """
     functions = (law.foresee, law.ask, law.help, law.rest, law.memory, law.own)
-    own = [function for function in functions if _outside(function.__module__)]
-    shared = [function for function in functions if function not in own]
-    found = digest(enveloped, initial_state, *shared)
-    files = sorted({function.__module__ for function in own})
+    shared = [each for each in functions if _module(each).partition(".")[0] == PACKAGE]
+    files = {_module(each) for each in (*functions, law.settings)} - {_module(e) for e in shared}
+    files = {file for file in files if file.partition(".")[0] != PACKAGE}
+    try:
+        found = digest(enveloped, initial_state, *shared)
+        sources = [inspect.getsource(importlib.import_module(file)) for file in sorted(files)]
+        texts = [canonical_source(source) for source in sources]
+    except (OSError, TypeError, SyntaxError):
+        return "unknown"
     if not files:
         return found
-    texts = [canonical_source(inspect.getsource(importlib.import_module(file))) for file in files]
     return hashlib.sha256("\n".join([found, *texts]).encode()).hexdigest()[:12]
 
 
-def _outside(module: str) -> bool:
-    return module.partition(".")[0] != PACKAGE
+def _module(part: Any) -> str:
+    """Return the module of a function or a class; that of what a partial calls."""
+    return getattr(getattr(part, "func", part), "__module__", "") or ""

@@ -21,6 +21,7 @@ in place of `clamp`, which costs a call.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -58,8 +59,9 @@ NUMBER = 1e9
 class EnvelopeState:
     """Memory of the envelope; `initial_state` makes one.
 
-    law: memory of the law; dt: for which the filters are tuned [s]; placed: `position`, of the last
-    sample [m], is known; wrong: the law's last answer was no number; force: last command [N];
+    law: memory of the law; mode: last one that was the law's; dt: for which the filters are tuned
+    [s]; placed: `position`, of the last sample [m], is known; wrong: the law's last answer was no
+    number; force: last command [N];
     stiffness [N/m], damping [Ns/m], gravity [N]: in use, while they follow their settings; weights
     while they fade, 0 to 1: base, of what carries the weight and of the limits' own forces, and
     weight, of the law; driven: largest speed of the nut in the last moments [m/s]; low passes of
@@ -67,6 +69,7 @@ class EnvelopeState:
     """
 
     law: Any
+    mode: int = 0
     dt: float = 0.0
     placed: bool = False
     wrong: bool = False
@@ -120,6 +123,8 @@ def enveloped(law: Law) -> Step:
             s.position = inp.position
             settle(s.observer, inp.position)
         runs, settled = lowest <= inp.mode <= highest, s.weight == 1.0
+        mode = inp.mode if runs or heeds else s.mode  # a law that leaves sees its own mode
+        s.mode = mode
         _follow(p, s, inp, runs, dt)
         _fade(p, s, runs, runs or inp.mode == LEAVE, dt)
 
@@ -127,11 +132,13 @@ def enveloped(law: Law) -> Step:
         gravity = s.base * s.gravity
         travelled = inp.position - s.position
         sample = Sample(
-            dt, inp.mode, inp.position, travelled, inp.velocity, inp.force, handle,
+            dt, mode, inp.position, travelled, inp.velocity, inp.force, handle,
             s.guard.share, settled, s.force,
         )  # fmt: skip
         kept = 1.0 if heeds else s.weight * s.guard.share
-        foreseen = kept * foresee(own, s.law, sample)
+        most = math.inf if heeds else p.friction_limit
+        fed = float(foresee(own, s.law, sample))
+        foreseen = min(max(kept * fed, -most), most)
         observe(p, s.observer, inp.position, inp.force - gravity - foreseen, s.error.y, dt)
         motion = Motion(
             s.setpoint.position, s.setpoint.velocity, s.stiffness, s.damping, s.observer.velocity,
@@ -140,11 +147,12 @@ def enveloped(law: Law) -> Step:
 
         # What presses on the hand.
         asked = ask(own, s.law, sample, motion)
-        if not foreseen * foreseen + asked.pull * asked.pull <= NUMBER * NUMBER:
+        wished = float(asked.pull)
+        if not fed * fed + wished * wished <= NUMBER * NUMBER:  # NaN neither
             return _unanswered(p, s, inp.position)
         s.driven = envelope(s.driven, inp.velocity, dt, STOPPED)
         lively = asked.watched if heeds else s.weight  # weight of what the guard watches over
-        pull = (1.0 - inp.slot_weight) * asked.pull + inp.slot_force
+        pull = (1.0 - inp.slot_weight) * wished + inp.slot_force
         if lively > 0.0:
             pull -= damper_force(s.guard.passivity, motion.speed, lively, p.chatter_damping)
         desired = min(max(pull, -p.force_down), p.force_up)
@@ -160,18 +168,18 @@ def enveloped(law: Law) -> Step:
 
         # Inertia, and what friction is left, by the force on the hand.
         sample = Sample(
-            dt, inp.mode, inp.position, travelled, inp.velocity, inp.force, handle,
+            dt, mode, inp.position, travelled, inp.velocity, inp.force, handle,
             s.guard.share, settled, s.force,
         )  # fmt: skip
         helped = help_(own, s.law, sample, motion, impedance)
-        friction, feedback = helped.friction, helped.feedback
-        wanted, relief = helped.wanted, helped.relief
+        friction, feedback = float(helped.friction), float(helped.feedback)
+        wanted, relief = float(helped.wanted), float(helped.relief)
         size = friction * friction + feedback * feedback + wanted * wanted + relief * relief
-        if not size <= NUMBER * NUMBER:  # NaN neither
+        if not size <= NUMBER * NUMBER:
             return _unanswered(p, s, inp.position)
         if not heeds:
             kept, most, relief = s.weight * s.guard.share, p.feedback_limit, 0.0
-            friction *= kept
+            friction = clamp(kept * friction + foreseen, -most, most)
             feedback = clamp(friction + kept * feedback, -most, most) - friction
             wanted = impedance + kept * (wanted - impedance)
         wanted = min(max(wanted, -p.force_down), p.force_up)

@@ -5,8 +5,8 @@ A law is a few functions of numbers over its own settings and its own memory. It
 `envelope.enveloped(law)` is the step that does, and it bounds whatever the law asks for. A tick
 calls them in this order, with `own` (the law's settings) and `m` (its memory):
 
-- `foresee(own, m, sample)`: what is fed forward [N]. The estimate of the disturbance takes it as
-  known, so it comes before the estimate.
+- `foresee(own, m, sample)`: what is fed forward on the nut [N]. The estimate of the disturbance
+  takes it as known, so it comes before the estimate. (A law that `heeds` adds it to its help.)
 - `ask(own, m, sample, motion)`: what shall press on the hand. The envelope bounds it, and the guard
   watches what then happens.
 - `help(own, m, sample, motion, pressed)`: what helps the hand against friction and inertia, as the
@@ -29,7 +29,8 @@ from .friction import FrictionModel
 class Sample(NamedTuple):
     """One sample, up positive.
 
-    dt: since the last one [s]; mode: variant of the law that is wanted; position of the nut [m],
+    dt: since the last one [s]; mode: variant of the law that is wanted, while the law fades out the
+    last one that was; position of the nut [m],
     travelled: since the last sample [m], velocity [m/s]; force: patient on robot, as measured,
     handle: the same filtered [N]; share: of the force gains that the guard leaves, 0 to 1; settled:
     the law has had all of its weight at the last sample; sent: last command, after all limits [N].
@@ -82,9 +83,9 @@ class Asked(NamedTuple):
 class Help(NamedTuple):
     """What helps the hand: `feeds` makes one.
 
-    friction: against the friction, feedback: of the handle's force [N]; wanted: force on the hand
-    together with what carries mass for it [N]; relief: against a force on the hand beyond the
-    endpoint's limits [N], heard of a law that `heeds` alone.
+    friction: against the friction, beside what was foreseen, feedback: of the handle's force [N];
+    wanted: force on the hand together with what carries mass for it [N]; relief: against a force on
+    the hand beyond the endpoint's limits [N], heard of a law that `heeds` alone.
     """
 
     friction: float

@@ -122,6 +122,7 @@ class ImpedanceControllerNode(Node):
         self._laws = loaded(self.parameters.read(ControllerSettings).laws)
         self._foreign = self._laws[len(LAWS) :]
         self._names = all_names(self._laws)
+        self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
         self._declare_laws()
         self._state_message = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
@@ -231,7 +232,6 @@ class ImpedanceControllerNode(Node):
             {law.name: self._settings_of(law) for law in self._foreign},
             self.clock.work_ns,
         )
-        self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
         self._resets: int | None = None  # as the supervisor counts them
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)

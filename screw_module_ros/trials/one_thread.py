@@ -21,7 +21,7 @@ from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock, ManualClock, PlainArrivals
 from screw_module_ros.control.law import Law
-from screw_module_ros.control.laws import LAWS
+from screw_module_ros.control.laws import LAWS, flaw
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
@@ -55,6 +55,7 @@ from screw_module_ros.rig.rig import Rig, RigSettings
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.safety.permit import PermitSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
+from screw_module_ros.settings import SettingError
 
 PERIOD_NS = 1_000_000
 BUSES = ("encoder", "drive", "force_sensor", "planar")
@@ -212,6 +213,9 @@ class OneThreadRobot:
             sensor_profile=sensor_profile,
         )
         make, encoder_make = load(drive_profile, DRIVE), load(encoder_profile, ENCODER)
+        for law in laws[len(LAWS) :]:
+            if wrong := flaw(law):
+                raise SettingError(f"law {law.name}: {wrong}")
         self.rig = Rig(far, self.world, self.clock, PERIOD_NS, settings)
         self.clock.serve = self._serve
         self._kept_ns = 0

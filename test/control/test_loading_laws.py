@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from importlib import metadata
 from typing import NamedTuple
 
@@ -63,12 +64,21 @@ def test_what_is_no_law_is_told_in_a_sentence(named, said):
     [
         ({"name": "my law"}, "'my law', is also the prefix of its parameters"),
         ({"variants": {7: Variant("SEVEN")}}, "those of other packages are 100 to 199"),
+        ({"name": "self"}, "is also the prefix of its parameters"),
+        ({"ask": None}, "its ask is no function"),
+        ({"variants": [100]}, "are no dict of numbers to Variant"),
+        ({"variants": {"100": Variant("A")}}, "are no dict of numbers to Variant"),
+        ({"variants": {100: "A"}}, "a Variant with a tuple of gains is wanted"),
+        ({"variants": {100: Variant("A", "gain")}}, "a Variant with a tuple of gains is wanted"),
+        ({"variants": {100: Variant("IMPEDANCE")}}, "the name of a mode of this package"),
+        ({"settings": VerticalSettings}, "are those of a law of this package"),
+        ({"settings": Own()}, "its settings are no NamedTuple"),
         ({"variants": {}}, "those of other packages are 100 to 199"),
         ({"variants": {100: Variant("A"), 102: Variant("B")}}, "they must follow each other"),
         ({"heeds": True}, "the envelope does that"),
         ({"settings": dict}, "its settings are no NamedTuple"),
         ({"settings": NamedTuple("Bare", [("gain", float)])}, "its setting gain has no default"),
-        ({"shown": tuple("abcdefghi")}, "shows 9 numbers: 8 at most"),
+        ({"shown": tuple("abcdefghi")}, "is no tuple of 8 names at most"),
         ({"variants": {100: Variant("A", ("force",))}}, "its gain force is none of its settings"),
     ],
     ids=str,
@@ -93,6 +103,8 @@ def test_an_error_in_a_law_s_own_refusal_is_its_refusal():
         raise ZeroDivisionError("no such gain")
 
     assert laws.refused(MINE, Own(), 100) == ""
+    assert laws.refused(replace(MINE, refusal=lambda settings, mode: None), Own(), 100) == ""
+    assert "no sentence" in laws.refused(replace(MINE, refusal=lambda s, mode: True), Own(), 100)
     said = laws.refused(replace(MINE, refusal=objects), Own(), 100)
     assert said == "law mine: refusal: ZeroDivisionError: no such gain"
 
@@ -100,6 +112,7 @@ def test_an_error_in_a_law_s_own_refusal_is_its_refusal():
 def test_the_version_of_a_law_of_others_is_its_source_and_the_envelope():
     version = law_version(replace(MINE, ask=lambda own, m, sample, motion: pulls(1.0)))
     assert len(version) == 12 and version != law_version() != law_version(MINE)
+    assert law_version(replace(MINE, ask=partial(max, 1.0))) == "unknown", "it is no Python"
 
 
 def test_a_law_without_functions_is_the_robot_s_spring():

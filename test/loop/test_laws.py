@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from laws_of_others import FLOOR, ODD, THE_FLOOR, THE_ODD, OddSettings, worked
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.guard import PASSIVE
+from screw_module_ros.control.law import pulls
 from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -79,7 +81,8 @@ def ends_in_zero_force(robot, said):
 
 @pytest.mark.parametrize(
     ("where", "number"),
-    [("pull", math.nan), ("helping", math.nan), ("foreseen", math.nan), ("pull", -math.inf),
+    [("pull", math.nan), ("helping", math.nan), ("foreseen", math.nan), ("foreseen", math.inf),
+     ("pull", -math.inf),
      ("helping", 1e12)],
 )  # fmt: skip
 def test_an_answer_that_is_no_number_ends_in_zero_force(running, where, number):
@@ -124,14 +127,14 @@ def test_whatever_of_a_law_raises_the_robot_stops_and_goes_on_with_another(where
     made.close()
 
 
-@pytest.mark.parametrize("answer", [None, 3, (1.0, 2.0), "65"])
+@pytest.mark.parametrize("answer", [None, 3, (1.0, 2.0), "65", pulls("65 N"), pulls(None)])
 def test_an_answer_of_another_kind_ends_in_zero_force(answer):
     settings = VerticalSettings()
     odd = replace(THE_ODD, ask=lambda own, m, sample, motion: answer)
     runner = LawRunner(settings, thesis_friction(), (*LAWS, odd))
     inp = VerticalInput(ODD, 0.2, 0.0, 0.0, math.nan, 0.0, True)
     assert runner.step(settings, inp, 1e-3) is None
-    assert runner.wrong.startswith("law odd: AttributeError")
+    assert re.match("law odd: (Attribute|Value|Type)Error", runner.wrong)
 
 
 def test_a_law_that_takes_long_once_ends_in_zero_force(running):
@@ -163,6 +166,7 @@ def test_500_newtons_asked_stay_within_the_endpoint_s_force(running, asked):
     assert largest_step(rows) <= STEP
     assert -settings.command_down <= min(forces) and max(forces) <= settings.command_up
     assert -settings.force_down <= output.impedance <= settings.force_up
+    assert bool(asked.get("foreseen")) == (output.friction != 0.0)
     assert not running.controller.reason
     speeds = [abs(row.velocity) for row in rows]
     assert max(speeds) < settings.speed_limit + settings.speed_band
@@ -172,6 +176,26 @@ def test_forces_that_alternate_each_tick_are_slewed(running):
     rows = odd(running, 0.5, pull=500.0, alternates=True)
     assert largest_step(rows) <= STEP
     assert max(abs(row.force) for row in rows) < 15.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_hand_that_is_held_feels_what_the_page_says_at_most(running, sign):
+    hold(running, mass=30.0, stiffness=3000.0, damping=200.0)
+    rows = odd(running, 3.0, pull=sign * 500.0, helping=sign * 500.0, foreseen=sign * 500.0)
+    felt = [-row.patient for row in rows]
+    assert -67.0 <= min(felt[-500:]) and max(felt[-500:]) <= 89.0
+    assert 60.0 < max(map(abs, felt)) < 100.0 and not running.controller.reason
+
+
+def test_while_a_law_leaves_it_sees_the_last_mode_that_was_its_own(running):
+    seen = set()
+    law = replace(THE_ODD, ask=lambda own, m, sample, motion: seen.add(sample.mode) or pulls(0.0))
+    settings = running.controller.settings
+    runner = LawRunner(settings, thesis_friction(), (*LAWS, law))
+    inp = VerticalInput(ODD, 0.2, 0.0, 0.0, math.nan, 0.0, True)
+    for mode in (ODD,) * 900 + (modes.OFF,) * 300 + (modes.IMPEDANCE,) * 900:
+        assert runner.step(settings, inp._replace(mode=mode), 1e-3)
+    assert seen == {ODD} and runner.law is LAWS[0]
 
 
 def rms_of_handle(robot, gain):

@@ -58,6 +58,9 @@ def load(path: str) -> Law:
     Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`.
     """
     named = [point for point in entry_points(group=GROUP) if point.name == path]
+    if len({point.value for point in named}) > 1:
+        places = ", ".join(sorted(point.value for point in named))
+        raise SettingError(f"law {path}: several packages call one so ({places}): name the module")
     where = named[0].value if named else path
     module, colon, name = where.partition(":")
     if not colon:
@@ -67,7 +70,7 @@ def load(path: str) -> Law:
         )
     try:
         law = getattr(importlib.import_module(module), name)
-    except Exception as error:  # the module is somebody else's: anything may come out of it
+    except (Exception, SystemExit) as error:  # somebody else's: anything may come out of it
         raise SettingError(f"law {path}: {type(error).__name__}: {error}") from None
     if not isinstance(law, Law):
         raise SettingError(f"law {path}: {where} is no screw_module_ros.control.law.Law")
@@ -95,29 +98,57 @@ def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
 def refused(law: Law, settings: Any, mode: int) -> str:
     """Return why settings do not go with a mode of a law, empty if they do."""
     try:
-        return law.refusal(settings, mode)
+        said = law.refusal(settings, mode)
     except Exception as error:  # the law may be somebody else's: anything may come out of it
         return f"law {law.name}: refusal: {type(error).__name__}: {error}"
+    if said is None or isinstance(said, str):
+        return said or ""
+    return f"law {law.name}: its refusal is {said!r}, no sentence"
 
 
 def flaw(law: Law) -> str:
     """Return why a law of others cannot be taken, empty if it can."""
-    if not law.name.isidentifier():
+    return _flaw_of_kind(law) or _flaw_of_modes(law) or _flaw_of_settings(law)
+
+
+def _flaw_of_kind(law: Law) -> str:
+    if not isinstance(law.name, str) or not law.name.isidentifier() or law.name == "self":
         return f"its name, {law.name!r}, is also the prefix of its parameters: use letters"
+    functions = ("foresee", "ask", "help", "rest", "memory", "own", "refusal")
+    if no := [name for name in functions if not callable(getattr(law, name))]:
+        return f"its {no[0]} is no function"
+    if law.heeds:
+        return "it heeds the guard by itself: the envelope does that for laws of other packages"
+    if not isinstance(law.shown, tuple) or len(law.shown) > MOST_SHOWN:
+        return f"what it shows, {law.shown!r}, is no tuple of {MOST_SHOWN} names at most"
+    return ""
+
+
+def _flaw_of_modes(law: Law) -> str:
+    if not isinstance(law.variants, dict) or any(type(mode) is not int for mode in law.variants):
+        return f"its variants, {law.variants!r}, are no dict of numbers to Variant"
     modes = sorted(law.variants)
     if not modes or not all(FIRST <= mode <= LAST for mode in modes):
         return f"its modes are {modes}: those of other packages are {FIRST} to {LAST}"
     if modes != list(range(modes[0], modes[-1] + 1)):
         return f"its modes are {modes}: they must follow each other"
-    if law.heeds:
-        return "it heeds the guard by itself: the envelope does that for laws of other packages"
-    if not hasattr(law.settings, "_fields"):
+    for mode, variant in law.variants.items():
+        if not isinstance(variant, Variant) or not isinstance(variant.gains, tuple):
+            return f"mode {mode} is {variant!r}: a Variant with a tuple of gains is wanted"
+        if variant.name in all_names().values():
+            return f"mode {mode} has the name of a mode of this package, {variant.name}"
+    return ""
+
+
+def _flaw_of_settings(law: Law) -> str:
+    kind: Any = law.settings
+    if not hasattr(kind, "_fields") or not isinstance(law.settings, type):
         return "its settings are no NamedTuple"
-    if bare := sorted(set(law.settings._fields) - set(law.settings._field_defaults)):
+    if any(kind is other.settings for other in LAWS):
+        return "its settings are those of a law of this package: make a NamedTuple of your own"
+    if bare := sorted(set(kind._fields) - {*kind._field_defaults}):
         return f"its setting {bare[0]} has no default"
-    if len(law.shown) > MOST_SHOWN:
-        return f"it shows {len(law.shown)} numbers: {MOST_SHOWN} at most are published"
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
-    if unknown := sorted(gains - set(law.settings._fields)):
+    if unknown := sorted(gains - set(kind._fields)):
         return f"its gain {unknown[0]} is none of its settings"
     return ""
