@@ -79,6 +79,8 @@ class Port:
         try:
             with self._sending:  # not every backend of python-can takes sends from two threads
                 self._frames.send_frame(can_id, data)
+                self.failed = False  # within: `restore` may exchange the bus right after
+                self._arrivals.sent()
         except (can.CanError, OSError) as error:
             self.counters["send_errors"] += 1
             self.failed = True
@@ -86,8 +88,6 @@ class Port:
                 f"cannot send on {self.name}: {error.__cause__ or error}; check adapter, cable, "
                 "termination and bit rate"
             ) from error
-        self.failed = False
-        self._arrivals.sent()
         self.counters["sent"] += 1
 
     def send_sync(self, now_ns: int) -> None:

@@ -143,13 +143,17 @@ class CanopenDevice:
         self._port.restore()
         self.refuse_others()
         self.sdo.count_anew()
+        foreign = self.counters["foreign_sdo"]
         try:
             self._find()
+            self.make_safe()
             self.set_back += communication.set_back(
                 self.sdo, self.settings.node_id, round(1e6 / self.sync_rate), self.own_objects
             )
             found = self.set_up()
         except DeviceError as error:
+            if self.counters["foreign_sdo"] != foreign:  # its answers came unasked, too
+                raise self._talked_to() from error
             if self.sdo.doubled:  # which of them refused, or what, nobody can say
                 raise WrongDevice(self._twins(_TWO_ANSWERS)) from error
             raise
@@ -181,11 +185,11 @@ class CanopenDevice:
             raise NotConfigured(f"the {self.label} is not configured")
         self.prepare_start()
         self.command_nmt(NMT_START)
+        self.sdo.count_anew()
+        self._beats = Beats()  # before the loop's thread may arm it
         self.running = True
         if not self.intact:  # it has restarted at just that
             self.running = False
-        self.sdo.count_anew()
-        self._beats = Beats()
 
     def stop(self) -> None:
         """Send nothing more. The configuration counts as gone: nobody watches any more."""
@@ -276,17 +280,20 @@ class CanopenDevice:
 
     def _check_undisturbed(self) -> None:
         foreign, boot_ups = self._disturbances
+        if self.counters["foreign_sdo"] != foreign:  # its answers came unasked, too
+            raise self._talked_to()
         if self.sdo.doubled:
             raise WrongDevice(self._twins(_TWO_ANSWERS))
-        if self.counters["foreign_sdo"] != foreign:
-            raise Occupied(
-                f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
-                "configured: stop it"
-            )
         if self.counters["boot_ups"] != boot_ups:
             raise NotConfigured(
                 f"{self.label} restarted while it was being configured; check its supply"
             )
+
+    def _talked_to(self) -> Occupied:
+        return Occupied(
+            f"{self.sdo.foreign_client} talked to the {self.label} while it was being configured: "
+            "stop it"
+        )
 
     # -- unsolicited reports of the device, from the thread that pumps the port ------------------
 
@@ -342,6 +349,9 @@ class CanopenDevice:
     def refuse_others(self) -> None:
         """Raise Occupied when another master works on this bus: see `listen_for`."""
         raise NotImplementedError
+
+    def make_safe(self) -> None:
+        """End what an earlier program may have left going, before anything else is written."""
 
     def set_up(self) -> Any:
         """Write the objects of an identified device and read them back; return what was found."""

@@ -97,6 +97,10 @@ class Drive(DriveReports):
         master = f"heartbeat of master {self.settings.master_id}"
         self.listen_for({self.beat.can_id: master, self._command_id: self._command_text})
 
+    def make_safe(self) -> None:
+        """Take the torque away: an earlier program may have left the drive enabled."""
+        setup.without_torque(self.sdo, self.make.drive)
+
     def set_up(self) -> setup.DriveSetup:
         """Write settings and guards; a drive that refuses a guard cannot be enabled."""
         return setup.set_up(self._port, self.sdo, self.settings, self.make.drive)

@@ -166,6 +166,7 @@ class DriveReports(CanopenDevice):
         self.reading: DriveReading | None = None
         self.shown = State.UNKNOWN
         self._syncs_owed = 0
+        self._foreign_sync = self._port.counters["foreign_sync"]
         self._surplus.restart(*self._answers)
 
     def forget_errors(self) -> None:
@@ -189,7 +190,7 @@ class DriveReports(CanopenDevice):
         if not self._syncs_owed:
             self.counters["unexpected"] += 1
             if self._surplus.note(*self._answers):
-                self.doubled("two statuswords per SYNC")
+                self._answered_twice()
         self._syncs_owed = 0
         position = self._unwrapper.step(raw) * self._position_of
         # The state first: another thread must not find the old state under a new time.
@@ -205,6 +206,13 @@ class DriveReports(CanopenDevice):
         elif before is not State.UNKNOWN and not cia402.is_legal(before, self.shown):
             self.counters["illegal_transitions"] += 1
         self.logic.changed(before, self.shown, self.emergency or _described(self.error_code))
+
+    def _answered_twice(self) -> None:
+        """Latch what makes two answers a SYNC: somebody else's SYNC, or a second drive."""
+        if self._port.counters["foreign_sync"] != self._foreign_sync:
+            self.logic.latch(f"somebody else sends SYNC on {self._port.name}")
+        else:
+            self.doubled("two statuswords per SYNC")
 
     def _on_slow_status(self, data: bytes, arrival_ns: int) -> None:
         layout = slow_status.layout(self._setup.slow)

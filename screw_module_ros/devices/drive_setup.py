@@ -142,15 +142,18 @@ def drive_traffic(
 # -- the dialogue --------------------------------------------------------------------------------
 
 
+def without_torque(sdo: Sdo, profile: DriveProfile) -> None:
+    """Write zero to the command and to the controlword. Raises NotAnswering, BusError."""
+    for key, size in ((key_of(profile.command), profile.command_size), ((0x6040, 0), 2)):
+        with contextlib.suppress(Refused):  # by PDO only; the first command sends the same
+            sdo.write(*key, 0, size)
+
+
 def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile) -> DriveSetup:
     """Configure an identified drive that is in PRE-OPERATIONAL as the settings describe.
 
     Raises NotAnswering, WrongDevice, Refused, NotConfigured.
     """
-    # An earlier program may have left the drive enabled.
-    for key, size in ((key_of(profile.command), profile.command_size), ((0x6040, 0), 2)):
-        with contextlib.suppress(Refused):  # by PDO only; the first command sends the same
-            sdo.write(*key, 0, size)
     rated, thousand = _rating(sdo, settings, profile)
     largest = _largest(settings, rated, thousand, profile)
     write(sdo, settings, profile.mode_objects, largest)

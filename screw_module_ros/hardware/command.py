@@ -162,13 +162,10 @@ def check(
         findings = [*machine.machine(), *found.findings]
         free: list[Any] = []
         for bus in found.buses.values():
-            heard = devices.listen(bus)
-            findings += devices.traffic(bus, heard)
-            if users := ", ".join(filter(None, [found.driven.get(bus.name, ""), heard.used_by])):
-                findings.append(devices.in_use(bus, users))
-            else:
-                findings.append(devices.node_ids(bus))
-                free += bus.devices
+            try:
+                findings += _looked_at(bus, found.driven.get(bus.name, ""), free)
+            except BusError as error:  # what was found up to here is told all the same
+                findings.append(Finding(f"bus {bus.name}", str(error), "works", "as it says"))
         there = {}
         for name, device in found.devices.items():
             if device not in free:
@@ -178,8 +175,7 @@ def check(
             if told[0].todo == "":
                 there[name] = device
                 if isinstance(device, CanopenDevice):
-                    port = found.bus_of(device).port
-                    findings.append(exchange.answer_to_sync(device, name, port))
+                    findings.append(_answer(device, name, found.bus_of(device).port))
         if move and {"encoder", "amplifier"} <= there.keys():
             tell(f"Move the handle UP by about 5 cm and back, for {move:g} s.")
             findings += devices.directions(there["encoder"], there["amplifier"], clock, move)
@@ -190,6 +186,27 @@ def check(
             period_ns = round(1e9 / next(iter(parts.values()))[0].settings.rate)
             findings += devices.sampled(parts, clock, period_ns, seconds)
     return findings
+
+
+def _looked_at(bus: Bus, driven: str, free: list[Any]) -> list[Finding]:
+    """Return what is heard on a bus; add its devices to `free` where nobody uses it.
+
+    driven: what a node of ours drives on it. Raises BusError.
+    """
+    heard = devices.listen(bus)
+    findings = devices.traffic(bus, heard)
+    if users := ", ".join(filter(None, [driven, heard.used_by])):
+        return [*findings, devices.in_use(bus, users)]
+    ids = devices.node_ids(bus)
+    free += bus.devices
+    return [*findings, ids]
+
+
+def _answer(device: CanopenDevice, name: str, port: Port) -> Finding:
+    try:
+        return exchange.answer_to_sync(device, name, port)
+    except BusError as error:
+        return Finding(f"{name} answer to SYNC", str(error), "works", "as it says")
 
 
 @click.command()

@@ -31,8 +31,8 @@ def answer_to_sync(device: CanopenDevice, name: str, port: Port) -> Finding:
             port.send_sync(port.clock.now_ns())
             sent += 1
             port.wait_for(lambda: heard, _WITHIN_S)
-    finally:
         device.command_nmt(NMT_PRE_OPERATIONAL)
+    finally:
         port.unsubscribe(device.answer_id, on_answer)
     what = f"{name} answer to SYNC"
     if heard:
