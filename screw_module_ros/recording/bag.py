@@ -112,7 +112,7 @@ class Bag:
         self._counts: list[int] = []
         self._files: list[McapFile] = []
         self._ended = False
-        self.rests = False
+        self.rests = self._is_to_rest = False
         _make_folder(self.folder)
         try:
             self._next_file()
@@ -186,7 +186,11 @@ class Bag:
         """
         file = self._files[-1]
         if file.finished:  # there was no room for its index
-            self.rest()
+            if self._is_to_rest:
+                self.rest()
+            else:
+                self._finish_file()
+                self._next_file()
             return
         with self._writing():
             file.writer.flush()  # closes the chunk
@@ -231,6 +235,7 @@ class Bag:
 
         Raises BagFullError, after which `flush` tries it again, or BagError.
         """
+        self._is_to_rest = True
         self._finish_file()
         self.message_count = self.written
         with self._writing():
@@ -241,7 +246,7 @@ class Bag:
         """Continue after `rest`, in a new file. Raises as `flush` does."""
         with self._writing():
             (self.folder / METADATA_FILE).unlink()  # it names the earlier files alone
-        self.rests = False
+        self.rests = self._is_to_rest = False
         self._next_file()
 
     @contextmanager

@@ -152,6 +152,8 @@ class Recording:
                     self._flush()
             except BagFullError as error:
                 self._held = str(error)
+                if self._bag.message_count == self._bag.written:  # an index alone had no room
+                    self._unsafe.clear()
             except BagError as error:
                 self._fail(str(error))
 
@@ -162,6 +164,9 @@ class Recording:
                 return False
             self._bag.go_on()
         self._bag.flush()
+        self._unsafe.clear()
+        if self._bag.rests:  # its index has found room now
+            return self._has_room()
         self._held = ""
         return True
 

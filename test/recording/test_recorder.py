@@ -292,6 +292,65 @@ def test_a_disk_below_its_reserve_closes_the_bag_which_goes_on_with_room(
     assert report.problems == [] and report.topics["/screw/encoder"].messages == 106
 
 
+def _without_room_for_the_index(fill, monkeypatch):
+    """The next index finds 10 B; the disk had room for all before it."""
+    finish = mcap_file.McapFile.finish
+
+    def full(file):
+        fill(10)
+        finish(file)
+
+    monkeypatch.setattr(mcap_file.McapFile, "finish", full)
+    return lambda: monkeypatch.setattr(mcap_file.McapFile, "finish", finish)
+
+
+@pytest.mark.parametrize("why", ["duration", "reserve"])
+def test_a_recording_whose_index_had_no_room_goes_on_and_counts_each_message_once(
+    writer, samples, fill, recording, monkeypatch, why
+):
+    """It died of a write to the closed file, and its bag was called complete."""
+    writer._settings = StorageSettings(max_file_duration=0.15 if why == "duration" else 0.0)
+    free = [10**9]
+    session = recording(writer, lambda: free[0])
+    session.put(samples(1, range(100, 110)))
+    session.work(0)
+    session.put(samples(1, range(110, 200)))
+    mended = _without_room_for_the_index(fill, monkeypatch)
+    free[0] = 10**9 if why == "duration" else 10**6
+    session.work(SECOND)
+    assert "waits for room" in session.status().held
+    mended()
+    fill(10**9)
+    session.put(samples(1, range(200, 210)))
+    session.work(2 * SECOND)
+    assert bool(session.status().held) == (why == "reserve")
+    free[0] = 10**9
+    session.put(samples(1, range(210, 220)))
+    session.work(3 * SECOND)
+    status = session.close()
+    assert (status.error, status.messages, status.dropped) == ("", 220, 0)
+    assert [path.name for path in files_of(writer.folder)] == ["bag_0.mcap", "bag_1.mcap"]
+    report = verify(writer.folder)
+    assert report.problems == [] and report.topics["/screw/encoder"].messages == 220
+
+
+def test_what_was_safe_before_its_index_had_no_room_is_not_counted_as_lost(
+    writer, samples, fill, recording, monkeypatch
+):
+    writer._settings = StorageSettings(max_file_duration=0.15)
+    session = recording(writer)
+    session.work(0)
+    session.put(samples(1, range(100, 200)))
+    _without_room_for_the_index(fill, monkeypatch)
+    session.work(SECOND)
+    session.put(samples(1, range(200, 210)))
+    status = session.close()
+    assert "No space left" in status.error
+    assert (status.messages, status.dropped) == (200, 10)
+    assert ticks(writer.folder) == list(range(200))
+    assert not (writer.folder / "metadata.yaml").exists()
+
+
 def test_recording_keeps_the_reason_and_counts_what_is_lost(writer, samples, fill, recording):
     """Also what was taken from the queue before the write that failed."""
     session = recording(writer)
