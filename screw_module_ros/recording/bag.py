@@ -12,7 +12,7 @@ Errors name no path: a bag's name may be a patient's, and errors reach logs.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -26,8 +26,8 @@ from .mcap_file import NO_TIME, McapFile, Message
 
 PREFIX = "screw_module_ros/"
 """Before the names of our entries in a bag's metadata."""
-STATE, HASHES = "state", "sha256"
-CLOSED, RECOVERED = "closed", "recovered"
+STATE, HASHES, DROPPED = "state", "sha256", "dropped"
+CLOSED, RECOVERED, EARLY = "closed", "recovered", "ended early"
 METADATA_FILE = "metadata.yaml"
 LIBRARY = "screw_module_ros"
 """Our name in the header of a file."""
@@ -249,6 +249,20 @@ class Bag:
         self.rests = self._is_to_rest = False
         self._next_file()
 
+    def end_early(self, dropped: int) -> None:
+        """End a bag at rest, of whose recording `dropped` messages are not in it.
+
+        Where metadata.yaml finds no room for that, the bag is left without one, as unfinished.
+        Raises BagError.
+        """
+        path = self.folder / METADATA_FILE
+        with self._writing():
+            try:
+                replace(path, self._metadata(EARLY, {PREFIX + DROPPED: dropped}), private=True)
+            except OSError:
+                path.unlink(missing_ok=True)
+        self._ended = True
+
     @contextmanager
     def _writing(self) -> Iterator[None]:
         """Turn an OSError into a BagError and end the bag at its last flush."""
@@ -267,7 +281,7 @@ class Bag:
             file.cut_back()
             file.close()
 
-    def _metadata(self, state: str) -> str:
+    def _metadata(self, state: str, more: Mapping[str, int] | None = None) -> str:
         filled = [file for file in self._files if file.messages]
         begin = min((file.begin for file in filled), default=NO_TIME)
         end = max((file.end for file in filled), default=NO_TIME)
@@ -295,7 +309,11 @@ class Bag:
             "compression_mode": "",
             "relative_file_paths": [file.path.name for file in self._files],
             "files": [file.as_yaml() for file in self._files],
-            "custom_data": {PREFIX + STATE: state, PREFIX + HASHES: json.dumps(hashes)},
+            "custom_data": {
+                PREFIX + STATE: state,
+                PREFIX + HASHES: json.dumps(hashes),
+                **{name: str(value) for name, value in (more or {}).items()},
+            },
             "ros_distro": "jazzy",
         }
         return yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)

@@ -222,8 +222,11 @@ class Recording:
             self._bag.close()
             self._unsafe.clear()
         elif why:
-            self._bag.close()
+            self._take()
             self._fail(why)
+            if dropped := self._dropped:
+                self._bag.end_early(dropped)
+            self._bag.close()
 
     def _fail(self, error: str) -> None:
         self._error = self._error or error
@@ -233,6 +236,10 @@ class Recording:
         """Count what came after the last flush as not written."""
         self._unwritten += self._unsafe
         self._unsafe.clear()
+
+    @property
+    def _dropped(self) -> int:
+        return self._refused.total() + self._unwritten.total()
 
     def _audit(self) -> dict[str, Counts]:
         for channel, number in (Counter(self._refused) + self._unwritten).items():
@@ -247,7 +254,7 @@ class Recording:
                 error=self._error,
                 messages=self._bag.message_count,
                 waiting=self._received - self._taken,
-                dropped=self._refused.total() + self._unwritten.total(),
+                dropped=self._dropped,
                 size=self._bag.size,
                 audit=self._audit(),
                 held=self._held,

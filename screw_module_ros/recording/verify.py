@@ -22,7 +22,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .bag import CLOSED, HASHES, LIBRARY, METADATA_FILE, PREFIX, RECOVERED, STATE, BagError, Topic
+from .bag import (
+    CLOSED,
+    DROPPED,
+    EARLY,
+    HASHES,
+    LIBRARY,
+    METADATA_FILE,
+    PREFIX,
+    RECOVERED,
+    STATE,
+    BagError,
+    Topic,
+)
 from .bag_files import files_of, information
 from .clock_settings import ClockSettings
 from .counts import TICKED, Count, Counts, Gap
@@ -161,7 +173,12 @@ def _closed(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iter
     """
     custom = told.get("custom_data", {})
     state = custom.get(PREFIX + STATE)
-    if state != CLOSED and not _is_foreign(bag, told, files):
+    if state == EARLY:
+        yield (
+            "the recording ended early, for want of room on the disk: "
+            f"{custom.get(PREFIX + DROPPED)} messages that were received are not in the bag"
+        )
+    elif state != CLOSED and not _is_foreign(bag, told, files):
         yield (
             f"the recording goes on or was not closed (state: {state or 'unfinished'}); if it has "
             f"ended, run: session recover {bag}"

@@ -6,6 +6,7 @@ import io
 import os
 import shutil
 import threading
+from unittest.mock import Mock
 
 import pytest
 from bag_counts import SECOND, ticks
@@ -377,7 +378,41 @@ def test_recording_stops_in_good_order_before_the_disk_is_full(writer, samples, 
     assert "1 MiB left" in status.error
     assert (status.messages, status.dropped) == (103, 1)
     assert ticks(writer.folder) == list(range(103))
-    assert "closed" in (writer.folder / "metadata.yaml").read_text()
+    assert "ended early" in (writer.folder / "metadata.yaml").read_text()
+
+
+@pytest.mark.parametrize("can_write", [True, False])
+def test_what_came_after_a_bag_was_closed_for_want_of_room_is_told_by_verify(
+    writer, samples, recording, monkeypatch, can_write
+):
+    """Dropped after the last count in the bag, they were nowhere: it was called complete."""
+    session = recording(writer, lambda: 10**6, max_cache=2**20)
+    session.work(0)
+    session.work(SECOND)
+    assert verify(writer.folder).problems == []
+    for start in range(100, 20_100, 1000):
+        session.put(samples(1, range(start, start + 1000)))
+    if not can_write:
+        full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        monkeypatch.setattr("screw_module_ros.recording.bag.replace", Mock(side_effect=full))
+    status = session.close()
+    assert "1 MiB left" in status.error
+    assert (status.messages, status.dropped) == (100, 20_000)
+    (problem,) = verify(writer.folder).problems
+    if can_write:
+        assert "ended early" in problem
+        assert "20000 messages that were received are not in the bag" in problem
+    else:
+        assert "was not closed (state: unfinished)" in problem
+    assert ticks(writer.folder) == list(range(100))
+
+
+def test_a_recording_that_ended_at_rest_and_lost_nothing_is_complete(writer, recording):
+    session = recording(writer, lambda: 10**6)
+    session.work(0)
+    session.work(SECOND)
+    assert "1 MiB left" in session.close().error
+    assert verify(writer.folder).problems == []
 
 
 def test_a_deleted_folder_is_told_at_the_next_flush(writer, samples, recording):
