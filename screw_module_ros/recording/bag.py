@@ -132,6 +132,11 @@ class Bag:
         """Size of the file being written [B]."""
         return self._files[-1].size
 
+    @property
+    def full(self) -> str:
+        """Why the disk takes nothing at present, empty if it does."""
+        return self._files[-1].full
+
     def _next_file(self) -> None:
         with self._writing():
             path = self.folder / f"{self.folder.name}_{len(self._files)}.mcap"

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`recover` copies every whole chunk before the first broken length, never touching the bag."""
 
+import errno
+import io
 import os
 import shutil
 import signal
 import struct
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +19,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from screw_module_ros.recording import records
-from screw_module_ros.recording.bag import BagError
+from screw_module_ros.recording import mcap_file, records
+from screw_module_ros.recording.bag import Bag, BagError, StorageSettings
 from screw_module_ros.recording.recover import recover, unfinished
 from screw_module_ros.recording.verify import verify
 from screw_module_ros.session_command import main
@@ -159,6 +162,32 @@ def test_a_file_without_anything_is_told_and_leaves_no_copy(tmp_path, content):
     with pytest.raises(BagError, match="can be read"):
         recover(tmp_path / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
+
+
+def test_a_full_disk_ends_the_copy_at_once_and_leaves_none(record, monkeypatch):
+    """The rest of the bag went into memory, all of it, before the disk was said to be full."""
+    bag = record(range(3000), chunk_size=2000)
+    waiting = []
+
+    class FullDisk(io.FileIO):
+        room = 10_000
+
+        def write(self, data):
+            waiting.append(len(data))
+            if FullDisk.room < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            FullDisk.room -= len(data)
+            return super().write(data)
+
+    monkeypatch.setattr(
+        mcap_file, "open", lambda path, mode, **_: FullDisk(path, mode), raising=False
+    )
+    small = partial(Bag, settings=StorageSettings(chunk_size=2000))
+    monkeypatch.setattr("screw_module_ros.recording.recover.Bag", small)
+    with pytest.raises(BagError, match="No space left"):
+        recover(bag)
+    assert max(waiting) < 5000
+    assert [path.name for path in bag.parent.iterdir()] == ["bag"]
 
 
 def test_several_files_become_one_bag(record):
