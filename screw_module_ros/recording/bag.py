@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -22,7 +22,7 @@ import yaml
 from ..files import replace
 from ..settings import Setting
 from .definitions import Definition
-from .mcap_file import NO_TIME, McapFile, Message
+from .mcap_file import FULL, NO_TIME, McapFile, Message
 
 PREFIX = "screw_module_ros/"
 """Before the names of our entries in a bag's metadata."""
@@ -33,6 +33,7 @@ LIBRARY = "screw_module_ros"
 """Our name in the header of a file."""
 _VERSION = 9  # of metadata.yaml in Jazzy
 _MASK = 0xFFFFFFFF
+_WAITS = "writing the bag waits for room on the disk: {}"
 
 
 class BagError(Exception):
@@ -138,14 +139,17 @@ class Bag:
         return self._files[-1].full
 
     def _next_file(self) -> None:
-        with self._writing():
+        self._make_file()
+        self._bring(self._files[-1])
+
+    def _make_file(self) -> None:
+        with self._writing(waits=True):
             path = self.folder / f"{self.folder.name}_{len(self._files)}.mcap"
             self._files.append(McapFile(path, self._settings.chunk_size))
             self._files[-1].writer.start("ros2", LIBRARY)
             for topic in self.topics:
                 self._declare(topic)
             self._files[-1].writer.flush()
-        self._bring(self._files[-1])
 
     def _declare(self, topic: Topic) -> None:
         file, definition = self._files[-1], topic.definition
@@ -190,7 +194,7 @@ class Bag:
         the last flush.
         """
         file = self._files[-1]
-        if file.finished:  # there was no room for its index
+        if file.finished:  # there was no room for its index, or for what follows it
             if self._is_to_rest:
                 self.rest()
             else:
@@ -208,16 +212,17 @@ class Bag:
 
     def _finish_file(self) -> None:
         file = self._files[-1]
-        with self._writing():
-            file.finish()
-        self._bring(file)
-        file.close()
+        if not file.closed:
+            with self._writing():
+                file.finish()
+            self._bring(file)
+            file.close()
 
     def _bring(self, file: McapFile) -> None:
         """Bring what was written to the disk. Raises BagFullError, BagError."""
         with self._writing():
             if not file.flush():
-                raise BagFullError(f"writing the bag waits for room on the disk: {file.full}")
+                raise BagFullError(_WAITS.format(file.full))
 
     def close(self, state: str = CLOSED) -> None:
         """Write index, footer and metadata.yaml; a second call does nothing.
@@ -231,7 +236,7 @@ class Bag:
             if not self.rests:
                 self.rest(state)
         except BagFullError as error:
-            self._cut_back()
+            self.cut_back()
             raise BagError(str(error)) from None
         self._ended = True
 
@@ -243,43 +248,51 @@ class Bag:
         self._is_to_rest = True
         self._finish_file()
         self.message_count = self.written
-        with self._writing():
+        with self._writing(waits=True):
             replace(self.folder / METADATA_FILE, self._metadata(state), private=True)
         self.rests = True
 
     def go_on(self) -> None:
-        """Continue after `rest`, in a new file. Raises as `flush` does."""
+        """Continue after `rest`, in a new file; without room for one it stays closed.
+
+        Raises as `flush` does.
+        """
+        self._make_file()
         with self._writing():
             (self.folder / METADATA_FILE).unlink()  # it names the earlier files alone
         self.rests = self._is_to_rest = False
-        self._next_file()
+        self._bring(self._files[-1])
 
     def end_early(self, dropped: int) -> None:
         """End a bag at rest, of whose recording `dropped` messages are not in it.
 
-        Where metadata.yaml finds no room for that, the bag is left without one, as unfinished.
-        Raises BagError.
+        Where metadata.yaml cannot be written, the bag is left without one, as unfinished.
         """
-        path = self.folder / METADATA_FILE
-        with self._writing():
-            try:
-                replace(path, self._metadata(EARLY, {PREFIX + DROPPED: dropped}), private=True)
-            except OSError:
-                path.unlink(missing_ok=True)
         self._ended = True
+        path = self.folder / METADATA_FILE
+        try:
+            replace(path, self._metadata(EARLY, {PREFIX + DROPPED: dropped}), private=True)
+        except OSError:
+            with suppress(OSError):
+                path.unlink()
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Turn an OSError into a BagError and end the bag at its last flush."""
+    def _writing(self, waits: bool = False) -> Iterator[None]:
+        """Turn an OSError into a BagError and end the bag at its last flush.
+
+        waits: for room on a full disk, which is a BagFullError and ends nothing.
+        """
         if self._ended:
             raise BagError("the bag is closed")
         try:
             yield
         except OSError as error:
-            self._cut_back()
+            if waits and error.errno in FULL:
+                raise BagFullError(_WAITS.format(error.strerror)) from None
+            self.cut_back()
             raise BagError(f"writing the bag failed: {error.strerror}") from None
 
-    def _cut_back(self) -> None:
+    def cut_back(self) -> None:
         """End the bag at its last flush."""
         self._ended = True
         for file in self._files[-1:]:

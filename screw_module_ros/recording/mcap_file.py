@@ -15,7 +15,8 @@ from ..files import owner_only
 
 NO_TIME = 2**63 - 1
 """rosbag2's start time of a bag without messages [ns]."""
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of which somebody can make an end
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What a full disk says; somebody can make an end of it."""
 
 
 class Message(NamedTuple):
@@ -70,7 +71,7 @@ class McapFile:
             try:
                 written = self._raw.write(self._waiting)  # a nearly full disk takes a part
             except OSError as error:
-                if error.errno not in _FULL:
+                if error.errno not in FULL:
                     raise
                 self.full = error.strerror or "the disk is full"
                 return
@@ -100,6 +101,11 @@ class McapFile:
         if not self._raw.closed:
             self._waiting.clear()
             os.ftruncate(self._raw.fileno(), self.safe)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+        return self._raw.closed
 
     def close(self) -> None:
         """Close the file."""

@@ -216,17 +216,13 @@ class Recording:
 
     def _end(self) -> None:
         """Close the bag, with the last counts in it; what waits for room on the disk is lost."""
-        why = self._held
-        if not self._bag.rests:
-            self._write_audit()
-            self._bag.close()
-            self._unsafe.clear()
-        elif why:
-            self._take()
-            self._fail(why)
-            if dropped := self._dropped:
-                self._bag.end_early(dropped)
-            self._bag.close()
+        if self._held:
+            self._bag.cut_back()
+            self._fail(self._held)
+            return
+        self._write_audit()
+        self._bag.close()
+        self._unsafe.clear()
 
     def _fail(self, error: str) -> None:
         self._error = self._error or error
@@ -277,6 +273,8 @@ class Recording:
             if self._error:
                 self._take()
                 self._drop()
+                if self._bag.rests and self._dropped:
+                    self._bag.end_early(self._dropped)
         return self.status()
 
     def _run(self) -> None:

@@ -115,7 +115,7 @@ def _told(folder: Path) -> tuple[datetime | None, bool | None]:
     told = notes(folder)
     try:
         begun = datetime.fromisoformat(told.get(CLOCK, {}).get("begun", ""))
-    except ValueError:
+    except (ValueError, TypeError):  # no date, no text
         begun = None
     values = [parameter(told.get(PARAMETERS, {}), node, "use_sim_time") for node in _TELLING]
     known = [value for value in values if isinstance(value, bool)]
@@ -123,9 +123,15 @@ def _told(folder: Path) -> tuple[datetime | None, bool | None]:
 
 
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
-    """Return sessions by their begins; in the given order if that of one is unknown."""
+    """Return sessions by their begins; in the given order if that of one is unknown.
+
+    A local time without an offset, of a folder's name, gets that of the first session that tells
+    one: those of a patient are of one clinic.
+    """
+    told = (session.recorded_at.tzinfo for session in sessions if session.recorded_at)
+    zone = next(told, timezone.utc)
     dated = sorted(
-        (begun if begun.tzinfo else begun.replace(tzinfo=timezone.utc), place)
+        (begun if begun.tzinfo else begun.replace(tzinfo=zone), place)
         for place, session in enumerate(sessions)
         if (begun := session.begun) is not None
     )

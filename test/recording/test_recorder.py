@@ -241,6 +241,104 @@ def test_bag_whose_index_had_no_room_is_closed_when_there_is(writer, fill):
     assert verify(writer.folder).problems == []
 
 
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_bag_whose_metadata_had_no_room_goes_on_when_there_is(
+    writer, samples, recording, monkeypatch
+):
+    free = [10**6]
+    session = recording(writer, lambda: free[0])
+    session.work(0)
+    with monkeypatch.context() as full:
+        full.setattr("screw_module_ros.recording.bag.replace", Mock(side_effect=FULL))
+        for second in (1, 2):
+            session.work(second * SECOND)
+            assert "waits for room" in session.status().held
+            assert not session.status().error
+    session.work(3 * SECOND)
+    assert verify(writer.folder).problems == []
+    free[0] = 10**9
+    session.put(samples(1, range(100, 110)))
+    session.work(4 * SECOND)
+    assert session.close().messages == 110
+    report = verify(writer.folder)
+    assert report.problems == [] and report.topics["/screw/encoder"].messages == 110
+
+
+def test_a_bag_that_is_stopped_while_its_metadata_has_no_room_is_unfinished(
+    writer, samples, recording, monkeypatch
+):
+    session = recording(writer, lambda: 10**6)
+    session.work(0)
+    with monkeypatch.context() as full:
+        full.setattr("screw_module_ros.recording.bag.replace", Mock(side_effect=FULL))
+        session.work(SECOND)
+        session.put(samples(1, range(100, 110)))
+        status = session.close()
+    assert "No space left" in status.error and (status.messages, status.dropped) == (100, 10)
+    assert "(state: unfinished)" in verify(writer.folder).problems[0]
+    assert recover(writer.folder).messages == 100
+
+
+@pytest.mark.parametrize("why", ["duration", "reserve"])
+def test_a_next_file_that_had_no_room_is_made_when_there_is(
+    writer, samples, fill, recording, monkeypatch, why
+):
+    """A bag at rest lost its metadata before; it stays closed and complete meanwhile."""
+    writer._settings = StorageSettings(max_file_duration=0.15 if why == "duration" else 0.0)
+    free = [10**9 if why == "duration" else 10**6]
+    session = recording(writer, lambda: free[0])
+    session.work(0)
+    session.put(samples(1, range(100, 200)))
+    with monkeypatch.context() as full:
+        full.setattr(mcap_file, "open", Mock(side_effect=FULL))
+        session.work(SECOND)
+        free[0] = 10**9
+        session.work(2 * SECOND)
+        assert "No space left" in session.status().held and not session.status().error
+        if why == "reserve":
+            assert verify(writer.folder).problems == []
+    session.put(samples(1, range(200, 210)))
+    session.work(3 * SECOND)
+    status = session.close()
+    assert (status.error, status.messages, status.dropped) == ("", 210, 0)
+    report = verify(writer.folder)
+    assert report.problems == [] and report.topics["/screw/encoder"].messages == 210
+
+
+def test_a_bag_that_is_stopped_without_room_for_its_next_file_is_unfinished(
+    writer, samples, fill, recording, monkeypatch
+):
+    writer._settings = StorageSettings(max_file_duration=0.05)
+    session = recording(writer)
+    session.work(0)
+    monkeypatch.setattr(mcap_file, "open", Mock(side_effect=FULL))
+    session.work(SECOND)
+    session.put(samples(1, range(100, 110)))
+    status = session.close()
+    assert "No space left" in status.error and (status.messages, status.dropped) == (100, 10)
+    assert "(state: unfinished)" in verify(writer.folder).problems[0]
+
+
+def test_a_bag_at_rest_that_cannot_go_on_states_what_it_lacks(
+    writer, samples, fill, recording, monkeypatch
+):
+    free = [10**6]
+    session = recording(writer, lambda: free[0])
+    session.work(0)
+    session.work(SECOND)
+    free[0] = 10**9
+    session.put(samples(1, range(100, 110)))
+    monkeypatch.setattr(mcap_file, "open", Mock(side_effect=PermissionError(13, "not allowed")))
+    session.work(2 * SECOND)
+    monkeypatch.undo()
+    status = session.close()
+    assert "not allowed" in status.error and (status.messages, status.dropped) == (100, 10)
+    (problem,) = verify(writer.folder).problems
+    assert "10 messages that were received are not in the bag" in problem
+
+
 def test_a_full_disk_for_seconds_ends_no_recording_and_loses_nothing(
     writer, samples, fill, recording
 ):

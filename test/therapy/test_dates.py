@@ -9,11 +9,12 @@ import time
 from datetime import datetime, timedelta
 
 import pytest
+import yaml
 from session_bag import played, short_text, write_bag
 from simulated_patient import HEALTHY
 
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.recorded import read_sessions
+from screw_module_ros.therapy.recorded import in_order, read_sessions
 from screw_module_ros.therapy.report_content import date_of
 
 DEFINITION = short_text(count=1)
@@ -78,6 +79,30 @@ def test_the_date_is_that_of_the_clinic_in_whatever_zone_it_is_read(
     """One bag was dated 13:05, 12:05 or 21:05; seconds after the start of a board were no date."""
     (session,) = read_sessions(recorded(*made))
     assert date_of(session) == date
+
+
+def test_a_beginning_that_is_no_text_is_none(tmp_path):
+    """It was a traceback."""
+    told = played(HEALTHY, 1, DEFINITION, begin_s=MARCH)
+    bag = write_bag(tmp_path / "bag", [told])
+    content = yaml.safe_load((bag / "metadata.yaml").read_text())
+    custom = content["rosbag2_bagfile_information"]["custom_data"]
+    custom["screw_module_ros/clock"] = '{"begun": 5}'
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(content))
+    assert read_sessions(bag)[0].recorded_at is None
+
+
+def test_a_local_time_of_a_name_is_ordered_by_the_offset_that_another_session_tells(
+    recorded, reader_in
+):
+    """It was taken for UTC, an hour late in Berlin, and so came after the later session."""
+    name = "P-7K3QX_elevator_2026_03_03-13_05_00"
+    (named,) = read_sessions(recorded(900, "", None, name))
+    (later,) = read_sessions(recorded(MARCH + 1500, "2026-03-03T13:30:00+01:00", False))
+    assert in_order([later, named]) == in_order([named, later]) == [named, later]
+    (older,) = read_sessions(recorded(MARCH - 600))
+    assert in_order([later, named, older]) == [older, named, later], "in UTC: 11:55"
+    assert in_order([named, older]) == [older, named]
 
 
 def exported(bag, out, *options):
