@@ -164,10 +164,13 @@ class SupervisorNode(Node):
         decision, latched = self._decided
         self._announced, line = announce(self._announced, decision, latched, self.clock.now_ns())
         logger = self.get_logger()
+        # rclpy keeps one severity for each place in the code that logs.
         if line and decision.level == supervision.STOPPED:
             logger.error(line)
+        elif line and decision.level == supervision.OK:
+            logger.info(line)
         elif line:
-            (logger.info if decision.level == supervision.OK else logger.warning)(line)
+            logger.warning(line)
 
     def _reports(self, now: int) -> dict[str, NodeReport]:
         for newest in self._sources.values():

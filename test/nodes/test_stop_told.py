@@ -50,6 +50,7 @@ def test_a_killed_process_is_one_line_and_so_is_its_return(composed, victim, log
         robot.set_mode(ForceCommand.IMPEDANCE)
         robot.permit()
         robot.enable()
+        robot.pause(0.2)  # a stop is latched where the supervisor has heard of an enabled drive
         graph.signal(victim, signal.SIGKILL)
         robot.wait_until(stops, 30.0, "the stop is not told")
         robot.pause(5.0)

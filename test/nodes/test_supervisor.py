@@ -18,7 +18,14 @@ from std_srvs.srv import SetBool, Trigger
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support import runtime
 from screw_module_ros.nodes.support.place import Kept
-from screw_module_ros.safety.supervision import ALL_NODES, EARLIER
+from screw_module_ros.safety.supervision import (
+    ALL_NODES,
+    EARLIER,
+    OK,
+    STOPPED,
+    WAITING,
+    Decision,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -286,3 +293,15 @@ def test_an_alarm_stands_until_the_node_says_otherwise(supervisor):
         assert report(node, seconds * S).reason == "the gauges have not changed for 0.5 s"
     diagnose(node, DiagnosticStatus.OK, "sampling")
     assert not report(node, 1001 * S).error
+
+
+def test_each_change_is_told_whatever_came_before(supervisor, monkeypatch):
+    """rclpy raises where one place in the code logs with two severities: that ended the node."""
+    node, now_ns = supervisor(), 0
+    for level in (OK, WAITING, OK, STOPPED, OK, WAITING, STOPPED):
+        node._decided = Decision(level, False, False, False, ("a reason",)), level == STOPPED
+        for _ in range(30):
+            now_ns += 100_000_000
+            monkeypatch.setattr(node.clock, "now_ns", lambda at=now_ns: at)
+            node._tell()
+    assert node._announced.level == STOPPED
