@@ -26,12 +26,12 @@ def law_version(law: Law = THESIS) -> str:
     imports from elsewhere is not seen. It is "unknown" where a source cannot be read.
     """
     functions = (law.foresee, law.ask, law.help, law.rest, law.memory, law.own)
-    shared = [each for each in functions if _module(each).partition(".")[0] == PACKAGE]
-    files = {_module(each) for each in (*functions, law.settings)} - {_module(e) for e in shared}
-    files = {file for file in files if file.partition(".")[0] != PACKAGE}
+    modules = {_module(each) for each in (*functions, law.settings)}
+    files = sorted(module for module in modules if module.partition(".")[0] != PACKAGE)
+    shared = [each for each in functions if _module(each) not in files]
     try:
         found = digest(enveloped, initial_state, *shared)
-        sources = [inspect.getsource(importlib.import_module(file)) for file in sorted(files)]
+        sources = [inspect.getsource(importlib.import_module(file)) for file in files]
         texts = [canonical_source(source) for source in sources]
     except (OSError, TypeError, SyntaxError):
         return "unknown"

@@ -20,9 +20,8 @@ from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
 from ..control.envelope import initial_state
-from ..control.friction import FrictionModel
-from ..control.law import Law, Robot
-from ..control.laws import law_of, loaded
+from ..control.law import Law
+from ..control.laws import law_of, loaded, own_of
 from ..control.laws.thesis import THESIS
 from ..control.limits import CommandLimits
 from ..control.linearization import IDENTITY, default_linearization
@@ -230,7 +229,7 @@ class InProcessBench:
             amperes=1.0 / loop.torque_constant,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
             law=VerticalSettings(),
-            own=self._own(law, VerticalSettings(), self._thesis),
+            own=own_of(law, VerticalSettings(), self._thesis),
             path=resting(_HUNG_AT),
             period=steps * substep,
             steps=steps,
@@ -249,14 +248,9 @@ class InProcessBench:
         )
         if isinstance(trial, MotionTrial):
             settings = trial.settings.validated()
-            own = self._own(law, settings, trial.friction or self._thesis)
+            own = own_of(law, settings, trial.friction or self._thesis)
             quiet = quiet._replace(law=settings, own=own)
         return asked_for(quiet, trial)
-
-    def _own(self, law: Law, settings: VerticalSettings, friction: FrictionModel) -> Any:
-        """Return what the law's functions get; a law of others has its default settings."""
-        chosen = settings if law.settings is VerticalSettings else law.settings()
-        return law.own(chosen, Robot(friction, settings.mass, settings.gravity))
 
     def _start(self, trial: Trial, law: Law, params: LoopParams) -> LoopState:
         """Return the state after power-on, with the handle held by friction.

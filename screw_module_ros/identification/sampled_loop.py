@@ -24,7 +24,8 @@ from scipy.signal import cont2discrete
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control.envelope import enveloped, initial_state
-from ..control.law import Law, Robot
+from ..control.law import Law
+from ..control.laws import own_of, settings_of
 from ..control.laws.thesis import THESIS
 from ..control.limits import clamp
 from ..control.vertical import VerticalInput
@@ -90,9 +91,7 @@ class LawInMode(NamedTuple):
     @property
     def chosen(self) -> Any:
         """The settings of the law."""
-        if self.law.settings is VerticalSettings:
-            return self.settings
-        return self.law.settings() if self.own is None else self.own
+        return settings_of(self.law, self.settings, self.own)
 
     @property
     def gain(self) -> float:
@@ -121,8 +120,7 @@ def linear_law(looped: LawInMode, period: float) -> Linear:
     )
     pressed = min(_PRESSED, 0.1 * settings.stiffness)  # the set point stays within the travel
     target = _AT + pressed / settings.stiffness if settings.stiffness else _AT
-    robot = Robot(thesis_friction(), settings.mass, settings.gravity)
-    own = looped.law.own(looped._replace(settings=settings).chosen, robot)
+    own = own_of(looped.law, settings, thesis_friction(), looped.own)
     memory = packed(initial_state(settings, looped.law, own))
     motion = np.array(velocity_settled(_AT))
     places = floats_in(memory.dtype)

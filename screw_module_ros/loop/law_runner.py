@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from ..control.envelope import LEAVE, EnvelopeState, enveloped, initial_state
 from ..control.friction import FrictionModel
-from ..control.law import Law, Robot
-from ..control.laws import LAWS, names
+from ..control.law import Law
+from ..control.laws import LAWS, names, own_of
 from ..control.laws.thesis import THESIS
 from ..control.vertical import VerticalInput, VerticalOutput
 from ..control.vertical_settings import VerticalSettings
@@ -50,8 +50,7 @@ class LawRunner:
         self.law, self.wrong = self.laws[0], ""
         self._of = {mode: law for law in self.laws for mode in law.variants}
         self._steps = {law.name: enveloped(law) for law in self.laws}
-        others = (law for law in self.laws if law.settings is not VerticalSettings)
-        self._chosen = {law.name: law.settings() for law in others} | dict(settings or {})
+        self._chosen = dict(settings or {})
         self._friction, self._work_ns, self._period_ns = friction, work_ns, period_ns
         self._slow = 0
         self._owns: dict[str, Any] = {}
@@ -65,10 +64,9 @@ class LawRunner:
 
     def _take(self, p: VerticalSettings) -> None:
         self._p = p
-        robot = Robot(self._friction, p.mass, p.gravity)
         for law in self.laws:
             try:
-                self._owns[law.name] = law.own(self._chosen.get(law.name, p), robot)
+                self._owns[law.name] = own_of(law, p, self._friction, self._chosen.get(law.name))
             except Exception as error:  # told when the law runs: the others need not know
                 self._owns[law.name] = _Broken(error)
 

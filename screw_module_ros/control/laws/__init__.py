@@ -13,8 +13,10 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from ...settings import SettingError
-from ..law import Law, Variant
+from ..friction import FrictionModel
+from ..law import Law, Robot, Variant
 from ..modes import EXCITATION, OFF
+from ..vertical_settings import VerticalSettings
 from .thesis import THESIS
 
 LAWS: tuple[Law, ...] = (THESIS,)
@@ -50,6 +52,21 @@ def gains_of(mode: int, laws: Iterable[Law] = LAWS) -> tuple[str, ...]:
     """Return the settings with which a mode feeds the handle's force back."""
     variant = variants(laws).get(mode)
     return variant.gains if variant else ()
+
+
+def settings_of(law: Law, p: VerticalSettings, chosen: Any = None) -> Any:
+    """Return the settings of a law: the envelope's are those of this package's laws too.
+
+    chosen: of a law of others, None = its defaults.
+    """
+    if law.settings is VerticalSettings:
+        return p
+    return law.settings() if chosen is None else chosen
+
+
+def own_of(law: Law, p: VerticalSettings, friction: FrictionModel, chosen: Any = None) -> Any:
+    """Return what a law's functions get; p: settings of the envelope; chosen: see `settings_of`."""
+    return law.own(settings_of(law, p, chosen), Robot(friction, p.mass, p.gravity))
 
 
 def load(path: str) -> Law:
