@@ -48,11 +48,12 @@ test: build  ## the tests without those marked long; with ARGS="-k friction" wha
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
 
-lint: build  ## style, docstrings, clocks, types, which room imports which, weight of rooms, links of pages
+lint: build  ## style, docstrings, clocks, types, which room imports which, weight of rooms and imports, links of pages
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) -m mypy
 	@.venv/bin/lint-imports --cache-dir build/imports
 	@$(VENV_PYTHON) tools/ratchet.py
+	@$(VENV_PYTHON) tools/closures.py
 	@$(VENV_PYTHON) tools/docs_site.py
 
 docs: build  ## the pages as a site, with a reference made from the code: build/site/html

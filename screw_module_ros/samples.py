@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples from the device drivers to the laws, in SI units with stamps in integer ns.
+"""Samples from drivers to laws, commands from laws to drives: SI units, stamps in integer ns.
 
 The drivers convert all units: no raw sensor word passes beyond them. Every sample carries the
 number of the tick of its request. All nodes that poll or send SYNC tick at whole multiples of their
@@ -95,6 +95,23 @@ class DriveReading(NamedTuple):
     statusword: int
     position: float
     torque: float
+
+
+class Command(NamedTuple):
+    """One force command of the vertical controller, as the drive needs it.
+
+    sequence: tick number of the encoder sample that it answers, modulo 2^32.
+    monotonic_ns: acquisition of that sample on CLOCK_MONOTONIC [ns].
+    force: up positive, after the controller's limits [N].
+    mode: of the controller, constant of `control.modes`.
+    activation: number of the controller's activation.
+    """
+
+    sequence: int
+    monotonic_ns: int
+    force: float
+    mode: int
+    activation: int
 
 
 def sequence_gap(previous: int, current: int) -> int:

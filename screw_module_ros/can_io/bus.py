@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opens one CAN bus through python-can on any interface (parameters `can.*`).
 
-`rig` is a bus of the simulated rig (`rig_bus`). `virtual` works inside one process only (tests).
-Every other interface works by wall clock only; all but `udp_multicast` are hardware.
+`rig` is a bus of the simulated rig: `rig_bus`, which python-can finds by its entry point. `virtual`
+works inside one process only (tests). Every other interface works by wall clock only; all but
+`udp_multicast` are hardware.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
 import can
@@ -18,8 +20,6 @@ from ..domain import domain_id
 from ..settings import Setting, validated
 from .errors import BusError
 from .port import Port
-from .rig_bus import RigBus
-from .rig_hub import RigHub
 
 RIG = "rig"
 SIMULATED_INTERFACES = (RIG, "virtual")
@@ -53,13 +53,14 @@ def within(settings: BusSettings, namespace: str) -> BusSettings:
 
 
 def open_bus(
-    settings: BusSettings, clock: Clock | None = None, served: bool = False
-) -> can.BusABC:
+    settings: BusSettings, clock: Clock | None = None,
+    hub: Callable[[str], can.BusABC] | None = None,
+) -> can.BusABC:  # fmt: skip
     """Open the bus described by `settings`.
 
     clock: of those who use it. Simulated time works with simulated buses only, because stopped time
-    would disarm every guard of a real robot. served: open the rig's end of a simulated bus; the
-    caller makes sure that no other process does.
+    would disarm every guard of a real robot. hub: opens the rig's end of a simulated bus, by its
+    name (`rig_hub.RigHub`); the caller makes sure that no other process does.
 
     Raises BusError naming interface and channel, with the way out; ValueError for a value out of
     range.
@@ -72,7 +73,7 @@ def open_bus(
             "other set use_sim_time to false"
         )
     try:
-        return _opened(settings, served)
+        return _opened(settings, hub)
     except Exception as error:  # each backend raises what its vendor's library does
         raise BusError(_cannot_open(settings, error)) from error
 
@@ -95,15 +96,17 @@ def where(settings: BusSettings) -> str:
     return f"{name}:{settings.port}" if settings.interface == "udp_multicast" else name
 
 
-def _opened(settings: BusSettings, served: bool) -> can.BusABC:
+def _opened(settings: BusSettings, hub: Callable[[str], can.BusABC] | None) -> can.BusABC:
     interface, channel, fd = settings.interface, settings.channel, settings.fd
     if interface == RIG:
         if settings.port != _UDP_PORT:
             raise ValueError("simulated buses have names (can.channel): remove can.port")
-        return RigHub(channel) if served else RigBus(channel)
+        if hub is not None:
+            return hub(channel)
     if interface == "udp_multicast":
         return MulticastBus(channel=channel, port=settings.port, hop_limit=0, fd=fd)
-    more: dict[str, Any] = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
+    simulated = interface in SIMULATED_INTERFACES
+    more: dict[str, Any] = {} if simulated else {"bitrate": settings.bitrate, "fd": fd}
     return can.Bus(interface=interface, channel=channel, ignore_config=True, **more)
 
 

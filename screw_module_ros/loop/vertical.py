@@ -12,15 +12,17 @@ process, a wire (`Wires`: a topic) replaces the call.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..clock import Clock
-from ..control.vertical import VerticalOutput
-from ..samples import EncoderReading, ForceReading
-from .controller import VerticalController
-from .drive import Permission, VerticalDrive
+from ..samples import Command, EncoderReading, ForceReading
 from .sensor import PolledSensor
 from .ticker import BACK_OFF_S, Ticker
+
+if TYPE_CHECKING:  # a loop of a sensor alone imports neither law nor drive
+    from ..control.vertical import VerticalOutput
+    from .controller import VerticalController
+    from .drive import VerticalDrive
 
 _LOOK_NS = 10_000  # to read only frames that are already in the socket
 _LISTENS = 2  # periods
@@ -29,12 +31,15 @@ _TRY_AGAIN = 64  # periods between such waits while the sample is always late
 
 
 class Parts(NamedTuple):
-    """The parts of the loop; None: in another process, or not active."""
+    """The parts of the loop; None: in another process, or not active.
+
+    controller: a `VerticalController`, drive: a `VerticalDrive`.
+    """
 
     encoder: PolledSensor[EncoderReading] | None = None
     force_sensor: PolledSensor[ForceReading] | None = None
-    controller: VerticalController | None = None
-    drive: VerticalDrive | None = None
+    controller: Any = None
+    drive: Any = None
 
 
 def _unconnected(*_: Any) -> None:
@@ -45,21 +50,21 @@ class Wires(NamedTuple):
     """The connections to other processes.
 
     take_sample, take_force, take_command: wait until a time [ns] and return the newest message, or
-    None; a command is sequence, acquisition time [ns], force [N], mode and activation.
+    None.
     publish_sample, publish_force, publish_command: called with each reading and each command.
     read_inputs: passes the controller its other inputs at a time [ns]: set point, drive, resets.
-    permission: see `drive`.
+    permission: a `drive.Permission`, which passes the supervisor's permission to the gate.
     publish_controller_state, publish_drive_state: called with a time [ns]; they publish when due.
     """
 
     take_sample: Callable[[int], EncoderReading | None] = _unconnected
     take_force: Callable[[int], ForceReading | None] = _unconnected
-    take_command: Callable[[int], tuple[int, int, float, int, int] | None] = _unconnected
+    take_command: Callable[[int], Command | None] = _unconnected
     publish_sample: Callable[[EncoderReading], None] = _unconnected
     publish_force: Callable[[ForceReading], None] = _unconnected
-    publish_command: Callable[[EncoderReading, VerticalOutput, int, int], None] = _unconnected
+    publish_command: Callable[[EncoderReading, Any, int, int], None] = _unconnected
     read_inputs: Callable[[int], None] = _unconnected
-    permission: Permission = _unconnected
+    permission: Callable[[Any, int], None] = _unconnected
     publish_controller_state: Callable[[int], None] = _unconnected
     publish_drive_state: Callable[[int], None] = _unconnected
 

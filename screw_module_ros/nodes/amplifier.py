@@ -24,6 +24,7 @@ from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.profiles import DRIVE, load
 from screw_module_ros.safety.permit import Permit, PermitSettings
+from screw_module_ros.samples import Command
 from screw_module_ros.settings import Setting
 
 from .support.driver import device_values
@@ -32,12 +33,12 @@ from .support.states import (
     Due,
     Health,
     at_base,
-    fill_amplifier,
+    fill_latencies,
+    fill_permit,
     latency_values,
     timing_values,
 )
 from .support.topics import offered, requested
-from .support.wire import Command
 
 _NEXT_COMMANDS, _COMMANDS_S = 2, 0.05
 _AT_REST_S = 1.0  # in which a drive that is being disabled has come to rest
@@ -189,3 +190,19 @@ class AmplifierNode(DriveNode):
             **self.port_values(part.skipped),
         }
         return self.drive_health(values, state)
+
+
+def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) -> None:
+    """Write the vertical drive's state into its message."""
+    drive, reading = part.drive, part.drive.reading
+    message.state = int(drive.state(now_ns))
+    message.statusword = reading.statusword if reading else 0
+    message.error_code = drive.error_code
+    fill_permit(message, part.permit)
+    message.commanded_force = part.asked
+    message.commanded_torque = part.last.torque
+    message.measured_torque = reading.torque if reading else 0.0
+    message.position = part.position
+    message.saturated = part.last.saturated
+    message.commands = part.meter.samples
+    fill_latencies(message, part.meter, now_ns)

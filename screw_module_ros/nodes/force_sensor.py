@@ -20,7 +20,8 @@ from screw_module_ros.settings import Setting
 
 from .support.answering import Done
 from .support.driver import SensorNode, TorqueOff
-from .support.states import OK, WARN, Health, fill_wrench
+from .support.inbox import fill_stamp
+from .support.states import OK, WARN, Health
 from .support.topics import offered
 from .support.wire import pack_force
 
@@ -84,7 +85,7 @@ class ForceSensorNode(SensorNode):
         """Publish a reading, and collect it while taring."""
         self.publish_packed(pack_force(reading), reading.sequence)
         if reading.sequence % self._wrench_every == 0:
-            fill_wrench(self._wrench, reading)
+            _fill_wrench(self._wrench, reading)
             self._send_wrench(self._wrench)
             self._recent = [*self._recent[1 - self._watched :], reading]
         gathering = self._gathering  # the service may end the collection meanwhile
@@ -144,6 +145,14 @@ class ForceSensorNode(SensorNode):
         recent = self._recent
         found = zero_error(recent) if recent and len(recent) == self._watched else None
         return _force_text(found) if found else "somebody may hold the handle"
+
+
+def _fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
+    """Write a force sample into the message for tools."""
+    fill_stamp(message.header, reading.stamp_ns)
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
+    torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
 
 
 def _bias_text(bias: tuple) -> str:

@@ -49,6 +49,7 @@ from screw_module_ros.settings import Setting, SettingError
 
 from .support.answering import Done
 from .support.driver import RateSettings
+from .support.law_inputs import SlotInbox, set_impedance
 from .support.node import Node
 from .support.states import (
     ERROR,
@@ -58,15 +59,15 @@ from .support.states import (
     Health,
     at_base,
     broken_contract,
-    fill_controller,
-    set_impedance,
+    fill_latencies,
     timing_values,
 )
-from .support.topics import Newest, SlotInbox, offered, requested
+from .support.topics import Newest, offered, requested
 from .support.wire import pack_command
 
 _MODES = ", ".join(f"{mode} {name}" for mode, name in all_names().items())
 _SAFETY_AGE_NS = 200_000_000
+_LOOK_NS = 10_000_000  # between looks at the supervisor's resets, which come at 50 Hz
 _NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 _WITHOUT_LIMITS = (
     "this mode feeds the handle's force back, and the module has no gain limits of its own: "
@@ -233,6 +234,7 @@ class ImpedanceControllerNode(Node):
             self.clock.work_ns,
         )
         self._resets: int | None = None  # as the supervisor counts them
+        self._look_ns = 0  # when to look at them next
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)
         wires = Wires(
@@ -350,7 +352,7 @@ class ImpedanceControllerNode(Node):
         self._publish(pack_command(sample, output, mode, activation))
 
     def read_inputs(self, now_ns: int) -> None:
-        """Read set point, slot and amplifier state, if they come by a topic."""
+        """Read set point, slot, amplifier state and resets, if they come by a topic."""
         controller = self.part
         self._slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
@@ -364,6 +366,9 @@ class ImpedanceControllerNode(Node):
             controller.on_drive(state.enabled, state.position, now_ns)
         if self._senders.warning:
             controller.set_fault(self._senders.warning)
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + _LOOK_NS
+            self._follow_supervisor(now_ns)
 
     def _excite(self, request: ExcitationRequest, now_ns: int) -> None:
         """Take a trial's request; with the first one, note what is put back at the end."""
@@ -396,9 +401,8 @@ class ImpedanceControllerNode(Node):
         self.part.lease.end()
 
     def publish_state(self, now_ns: int) -> None:
-        """Follow the supervisor and publish the state, when it is due."""
+        """Publish the state, when it is due."""
         if self._state_due(now_ns):
-            self._follow_supervisor(now_ns)
             self.stamp(self._state_message.header)
             fill_controller(self._state_message, self.part, now_ns)
             self._state_message.law = self._versions[self.part.laws.law.name]
@@ -455,3 +459,27 @@ class ImpedanceControllerNode(Node):
     def _age_text(self, now_ns: int) -> str:
         sample = self.part.answered
         return "never" if sample is None else f"{(now_ns - sample.monotonic_ns) * 1e-9:.4f}"
+
+
+def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
+    """Write the controller's state into its message."""
+    output, law = controller.output, controller.laws.state
+    message.mode = controller.mode
+    message.faulted = controller.faulted
+    message.reason = controller.reason
+    message.home_in_doubt = controller.home_in_doubt
+    message.active = not controller.reason and controller.mode != OFF
+    if controller.answered is not None:
+        message.position = controller.answered.position
+        message.velocity = controller.answered.velocity
+    message.desired_position = output.desired_position
+    message.desired_velocity = output.desired_velocity
+    message.stiffness, message.damping = law.stiffness, law.damping
+    message.force_gain = controller.laws.force_gain
+    shown = controller.laws.shown
+    message.law_names, message.law_values = list(shown), list(shown.values())
+    message.gain_share = output.share
+    message.measured_force = controller.handle_force
+    message.commanded_force = output.force
+    message.samples = controller.meter.samples
+    fill_latencies(message, controller.meter, now_ns)

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import PlanarState
 from screw_module_msgs.srv import SetImpedance
@@ -33,8 +34,11 @@ from screw_module_ros.settings import Setting, SettingError, fields
 
 from .support.driver import RateSettings, device_values
 from .support.drives import PLANAR, DriveNode
-from .support.states import OK, WARN, Health, at_base, fill_plane, set_impedance
-from .support.topics import SlotInbox, offered, requested
+from .support.law_inputs import SlotInbox, set_impedance
+from .support.states import OK, WARN, Health, at_base, fill_counts, fill_permit
+from .support.topics import offered, requested
+
+_UNKNOWN = [math.nan, math.nan]
 
 
 class SharedSettings(NamedTuple):
@@ -231,3 +235,31 @@ class ManusNode(DriveNode):
         if health.level == OK and warning:
             return health._replace(level=WARN, message=warning)
         return health
+
+
+def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
+    """Write the plane's state into its message; where the drives are silent, NaN as positions."""
+    drives: tuple[Any, ...] = plane.permit.drives
+    output = plane.output
+    message.homed = plane.homed
+    fill_permit(message, plane.permit)
+    message.drive_state = [int(drive.state(now_ns)) for drive in drives]
+    message.error_code = [drive.error_code for drive in drives]
+    message.joint_position = [motion.position for motion in plane.motions]
+    message.joint_velocity = [motion.velocity for motion in plane.motions]
+    message.commanded_torque = list(plane.written)
+    message.measured_torque = [
+        drive.reading.torque if drive.reading else 0.0 for drive in drives
+    ]
+    if output is not None:
+        message.position = [output.x, output.y]
+        message.velocity = [output.vx, output.vy]
+        message.force = [output.force_x, output.force_y]
+        message.desired_position = [output.desired_x, output.desired_y]
+        message.saturated = output.saturated or plane.hot
+    if not plane.measures(now_ns):
+        message.position = message.velocity = _UNKNOWN
+        message.joint_position = message.joint_velocity = _UNKNOWN
+    message.stiffness, message.damping = plane.state.stiffness, plane.state.damping
+    message.samples = plane.meter.samples
+    fill_counts(message, plane.meter, now_ns)

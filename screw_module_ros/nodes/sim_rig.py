@@ -19,6 +19,7 @@ from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_bus, where, within
+from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.clock import WallClock
 from screw_module_ros.locks import lock_simulation
 from screw_module_ros.lockstep.clock import SimulatedClock
@@ -176,7 +177,7 @@ class SimRigNode(Node):
         settings = within(settings, self.get_namespace())
         if settings not in self._buses:
             self.opened.callback(lock_simulation(where(settings)).release)
-            self._buses[settings] = open_bus(settings, self.clock, served=True)
+            self._buses[settings] = open_bus(settings, self.clock, RigHub)
             self.opened.callback(self._buses[settings].shutdown)
         return self._buses[settings]
 

@@ -50,7 +50,7 @@ def far(settings, port):
 
 
 def test_a_driver_works_over_it(settings, port):
-    bus = open_bus(settings, served=True)
+    bus = open_bus(settings)
     rig = Rig({"encoder": bus}, World(load_world(None)))
     over = threading.Event()
     thread = threading.Thread(target=rig.run, args=(over.is_set,))

@@ -16,7 +16,7 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.graph import bus_of
 from screw_module_ros.locks import AlreadyRunning, lock_device, lock_simulation
 from screw_module_ros.nodes.support.answering import Done
-from screw_module_ros.nodes.support.states import set_impedance
+from screw_module_ros.nodes.support.law_inputs import set_impedance
 
 
 def refused(node) -> str:

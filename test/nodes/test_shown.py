@@ -17,6 +17,7 @@ from screw_module_msgs.msg import (
 
 from screw_module_ros.control.planar_settings import least_damping
 from screw_module_ros.geometry import forward
+from screw_module_ros.nodes.amplifier import fill_amplifier
 from screw_module_ros.nodes.endpoint_state import (
     _fill_force,
     _fill_plane,
@@ -24,7 +25,8 @@ from screw_module_ros.nodes.endpoint_state import (
     carried,
     planar_joints,
 )
-from screw_module_ros.nodes.support.states import fill_amplifier, fill_controller, fill_plane
+from screw_module_ros.nodes.impedance_controller import fill_controller
+from screw_module_ros.nodes.manus import fill_plane
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.safety.checks import VerticalChecks, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading

@@ -17,12 +17,11 @@ from screw_module_ros.nodes.support.wire import (
     COMMAND,
     ENCODER,
     FORCE,
-    Command,
     pack_command,
     pack_encoder,
     pack_force,
 )
-from screw_module_ros.samples import EncoderReading, ForceReading
+from screw_module_ros.samples import Command, EncoderReading, ForceReading
 
 S = 1_000_000_000
 u32, i64 = st.integers(0, 2**32 - 1), st.integers(-(2**63), 2**63 - 1)

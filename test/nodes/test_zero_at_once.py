@@ -7,9 +7,11 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.nodes.support.topics import Newest
 from screw_module_ros.nodes.support.wire import COMMAND
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -105,14 +107,36 @@ def test_module_writes_zero_when_samples_cease(axis):
 # The supervisor's counter of resets ----------------------------------------------------------
 
 
-def test_only_a_rise_of_the_counter_resets(axis):
+@pytest.fixture
+def supervised(axis, monkeypatch):
+    """Return `supervised(resets)`: the node has heard that count and reads its inputs 10 ms on."""
+    safety = SafetyState()
+    monkeypatch.setattr(Newest, "fresh", lambda newest, now_ns: safety)
+
+    def read(resets: int) -> None:
+        safety.resets = resets
+        for _ in range(10):
+            axis.node.part.on_encoder(axis.sample(), axis.now)
+            axis.node.part.on_force(axis.force(), axis.now)
+        axis.node.read_inputs(axis.now)
+
+    return read
+
+
+def test_only_a_rise_of_the_counter_resets(axis, supervised):
     """A supervisor that was started anew counts from 0: no reset that anybody asked for."""
-    node = axis.node
-    node.part.on_encoder(axis.sample(math.nan), axis.now)
-    assert node.part.faulted
-    told = {}
-    node._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
+    axis.node.part.on_encoder(axis.sample(math.nan), axis.now)
+    assert axis.node.part.faulted
     for resets, faulted in ((3, True), (3, True), (0, True), (0, True), (1, False)):
-        told["resets"] = resets
-        node._follow_supervisor(axis.now)
-        assert node.part.faulted is faulted, resets
+        supervised(resets)
+        assert axis.node.part.faulted is faulted, resets
+
+
+def test_a_reset_is_read_with_the_inputs_however_rarely_the_state_is_published(axis, supervised):
+    supervised(3)
+    axis.node.part.on_encoder(axis.sample(math.nan), axis.now)
+    supervised(3)
+    axis.node.publish_state(axis.now)  # the first one is due at once
+    assert axis.node.part.faulted
+    supervised(4)
+    assert not axis.node.part.faulted

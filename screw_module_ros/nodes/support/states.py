@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node shows of itself: state messages, timing contract, rates; times in [ns].
+"""What nodes show of themselves alike: permit, timing contract, rates; times in [ns].
 
-The loop fills the messages. In the diagnostics, which another thread makes, rates and latencies
-come from the newest state message: the loop owns the meter.
+Each node fills its state message in its loop. In the diagnostics, which another thread makes, rates
+and latencies come from the newest state message: the loop owns the meter.
 """
 
 from __future__ import annotations
@@ -11,12 +11,8 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from geometry_msgs.msg import WrenchStamped
-from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
-from screw_module_msgs.srv import SetImpedance
 from std_msgs.msg import Header
 
-from screw_module_ros.control.modes import OFF
 from screw_module_ros.safety.timing import (
     BIN_NS,
     LEAST_SUCCESS,
@@ -24,20 +20,11 @@ from screw_module_ros.safety.timing import (
     histogram_text,
     quantile,
 )
-from screw_module_ros.samples import ForceReading
-
-from .answering import Done
-from .inbox import fill_stamp
-from .parameters import Parameters
 
 if TYPE_CHECKING:  # not every node has drives: without one, no bus is imported
-    from screw_module_ros.loop.controller import VerticalController
-    from screw_module_ros.loop.drive import VerticalDrive
-    from screw_module_ros.loop.plane import Plane
     from screw_module_ros.safety.permit import Permit
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-_UNKNOWN = [math.nan, math.nan]
 _SHARES = (0.5, 0.99, 0.999)
 
 
@@ -64,102 +51,22 @@ def at_base(kind: Any) -> Any:
     return kind(header=Header(frame_id="manus_base"))
 
 
-def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
-    """Write the controller's state into its message."""
-    output, law = controller.output, controller.laws.state
-    message.mode = controller.mode
-    message.faulted = controller.faulted
-    message.reason = controller.reason
-    message.home_in_doubt = controller.home_in_doubt
-    message.active = not controller.reason and controller.mode != OFF
-    if controller.answered is not None:
-        message.position = controller.answered.position
-        message.velocity = controller.answered.velocity
-    message.desired_position = output.desired_position
-    message.desired_velocity = output.desired_velocity
-    message.stiffness, message.damping = law.stiffness, law.damping
-    message.force_gain = controller.laws.force_gain
-    shown = controller.laws.shown
-    message.law_names, message.law_values = list(shown), list(shown.values())
-    message.gain_share = output.share
-    message.measured_force = controller.handle_force
-    message.commanded_force = output.force
-    message.samples = controller.meter.samples
-    _fill_latencies(message, controller.meter, now_ns)
-
-
-def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) -> None:
-    """Write the vertical drive's state into its message."""
-    drive, reading = part.drive, part.drive.reading
-    message.state = int(drive.state(now_ns))
-    message.statusword = reading.statusword if reading else 0
-    message.error_code = drive.error_code
-    _fill_permit(message, part.permit)
-    message.commanded_force = part.asked
-    message.commanded_torque = part.last.torque
-    message.measured_torque = reading.torque if reading else 0.0
-    message.position = part.position
-    message.saturated = part.last.saturated
-    message.commands = part.meter.samples
-    _fill_latencies(message, part.meter, now_ns)
-
-
-def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
-    """Write the plane's state into its message; where the drives are silent, NaN as positions."""
-    drives: tuple[Any, ...] = plane.permit.drives
-    output = plane.output
-    message.homed = plane.homed
-    _fill_permit(message, plane.permit)
-    message.drive_state = [int(drive.state(now_ns)) for drive in drives]
-    message.error_code = [drive.error_code for drive in drives]
-    message.joint_position = [motion.position for motion in plane.motions]
-    message.joint_velocity = [motion.velocity for motion in plane.motions]
-    message.commanded_torque = list(plane.written)
-    message.measured_torque = [
-        drive.reading.torque if drive.reading else 0.0 for drive in drives
-    ]
-    if output is not None:
-        message.position = [output.x, output.y]
-        message.velocity = [output.vx, output.vy]
-        message.force = [output.force_x, output.force_y]
-        message.desired_position = [output.desired_x, output.desired_y]
-        message.saturated = output.saturated or plane.hot
-    if not plane.measures(now_ns):
-        message.position = message.velocity = _UNKNOWN
-        message.joint_position = message.joint_velocity = _UNKNOWN
-    message.stiffness, message.damping = plane.state.stiffness, plane.state.damping
-    message.samples = plane.meter.samples
-    _fill_counts(message, plane.meter, now_ns)
-
-
-def set_impedance(parameters: Parameters, kind: type, request: SetImpedance.Request) -> str:
-    """Carry out a request to change the impedance of the law with settings `kind`."""
-    refused = parameters.write(stiffness=request.stiffness, damping=request.damping)
-    law = parameters.read(kind)
-    return refused or Done(f"stiffness {law.stiffness:g} N/m, damping {law.damping:g} Ns/m")
-
-
-def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
-    """Write a force sample into the message for tools."""
-    fill_stamp(message.header, reading.stamp_ns)
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
-    torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
-
-
-def _fill_permit(message: Any, permit: Permit) -> None:
+def fill_permit(message: Any, permit: Permit) -> None:
+    """Write whether torque may pass, and why not, into the state message of a node with drives."""
     message.enabled, message.faulted = permit.enabled, permit.faulted
     message.reason = permit.reason
 
 
-def _fill_counts(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
+def fill_counts(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
+    """Write rate and missed deadlines at now_ns [ns] into a state message."""
     message.rate = meter.rate(now_ns)
     message.late, message.lost = meter.late, meter.lost
     message.success_rate = meter.success_rate
 
 
-def _fill_latencies(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
-    _fill_counts(message, meter, now_ns)
+def fill_latencies(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
+    """Write rate, latencies and missed deadlines at now_ns [ns] into a state message."""
+    fill_counts(message, meter, now_ns)
     message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
     message.consecutive_missed = meter.missed_in_a_row(now_ns)
 

@@ -16,14 +16,10 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from screw_module_msgs.msg import TherapySlot
 
 from screw_module_ros.clock import Clock
-from screw_module_ros.control.slot import Slot
-from screw_module_ros.graph import THERAPY_SLOT, TOPICS, interface_class
-from screw_module_ros.loop.inputs import Guide
+from screw_module_ros.graph import TOPICS, interface_class
 
-from .inbox import Inbox
 from .threads import Timers
 from .wire import LAYOUTS, Layout
 
@@ -184,46 +180,3 @@ class Senders:
     def close(self) -> None:
         """Stop counting."""
         self._timers.cancel(self._timer)
-
-
-class SlotInbox:
-    """Subscribes `therapy/slot` for a hot loop. vertical: the axis is z, else x and y.
-
-    refused: problem of the newest slot, empty without one.
-    """
-
-    def __init__(self, inbox: Inbox, vertical: bool):
-        self.refused = ""
-        self._vertical = vertical
-        self._take = inbox.subscribe(*requested(THERAPY_SLOT))
-
-    def read(self, guide: Guide, now_ns: int) -> None:
-        """Pass a new slot to the guide; an invalid slot counts as none. now_ns [ns]."""
-        message = self._take()
-        if message is None:
-            return
-        try:
-            guide.ask(slot_of(message, self._vertical), message.start_ns, now_ns)
-            self.refused = ""
-        except ValueError as error:
-            self.refused = f"{THERAPY_SLOT}: {error}"
-
-
-def slot_of(message: TherapySlot, vertical: bool) -> Slot | None:
-    """Return the message's slot for one group of axes, None when they have none."""
-    if not (message.vertical if vertical else message.planar):
-        return None
-    start, target = message.start, message.target
-    line: tuple[float, float, float, float] = (
-        (start.z, 0.0, target.z, 0.0) if vertical else (start.x, start.y, target.x, target.y)
-    )
-    return Slot(
-        *line,
-        message.duration,
-        message.back_stiffness,
-        message.side_stiffness,
-        message.damping,
-        message.half_width,
-        message.end_half_width,
-        message.growth,
-    )

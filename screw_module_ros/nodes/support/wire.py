@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from rclpy.serialization import deserialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.vertical import VerticalOutput
-from screw_module_ros.samples import EncoderReading, ForceReading
+from screw_module_ros.samples import Command, EncoderReading, ForceReading
+
+if TYPE_CHECKING:  # a process without a controller imports no law
+    from screw_module_ros.control.vertical import VerticalOutput
 
 _S = 1_000_000_000
 _LATEST = 2**31 - 1  # [s] that a stamp can hold: 19 January 2038
@@ -28,19 +30,6 @@ _FORCE = struct.Struct("<4siII4xqddddddH2x")
 _COMMAND = struct.Struct("<4siII4xqdB7xdddd?3xI")
 
 _Reading = TypeVar("_Reading", EncoderReading, ForceReading)
-
-
-class Command(NamedTuple):
-    """Fields of a ForceCommand for the amplifier.
-
-    Tick, acquisition time [ns], force [N], mode, number of the controller's activation.
-    """
-
-    sequence: int
-    monotonic_ns: int
-    force: float
-    mode: int
-    activation: int
 
 
 class Layout(NamedTuple):
