@@ -16,7 +16,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
-from screw_module_ros.loop.plane import JointSettings, PlaneLimits
+from screw_module_ros.loop.plane_controller import JointSettings, PlaneLimits
 from screw_module_ros.nodes.amplifier import AmplifierSettings
 from screw_module_ros.safety.checks import AgreementSettings, FreezeSettings, WatchSettings
 from screw_module_ros.safety.permit import GUARDS, PermitSettings

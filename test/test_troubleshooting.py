@@ -17,7 +17,8 @@ SENTENCES = TEXT.partition("## Sentences of the nodes")[2]
 
 COVERED = (
     "safety/checks.py", "safety/permit.py", "safety/supervision.py", "loop/controller.py",
-    "loop/drive.py", "loop/plane.py", "loop/requests.py", "devices/*.py", "can_io/bus.py",
+    "loop/drive.py", "loop/plane.py", "loop/plane_controller.py", "loop/requests.py",
+    "devices/*.py", "can_io/bus.py",
     "can_io/load.py", "can_io/port.py", "therapy/hand.py", "recording/recorder.py",
     "nodes/amplifier.py", "nodes/encoder.py", "nodes/force_sensor.py", "nodes/endpoint_state.py",
     "nodes/impedance_controller.py", "nodes/supervisor.py", "nodes/session_recorder.py",

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import PlanarState
 from screw_module_msgs.srv import SetImpedance
@@ -19,13 +19,8 @@ from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import JOINTS, SHARED, DriveSettings, adapted
 from screw_module_ros.geometry import PlanarArm, inverse, reaches
-from screw_module_ros.loop.plane import (
-    JointSettings,
-    Plane,
-    PlaneLimits,
-    PlaneWires,
-    clear_of_stops,
-)
+from screw_module_ros.loop.plane import Plane, PlaneWires
+from screw_module_ros.loop.plane_controller import JointSettings, PlaneLimits, clear_of_stops
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.profiles import DRIVE, GENERIC_402, load
 from screw_module_ros.safety.checks import FreezeSettings
@@ -123,7 +118,7 @@ class ManusNode(DriveNode):
             self.parameters.read(PlaneLimits),
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
-        plane.warm_as(getattr(self, "_plane", plane))
+        plane.drives.warm_as(getattr(self, "_plane", plane).drives)
         self._plane = plane
         self._make_topics()
 
@@ -159,12 +154,12 @@ class ManusNode(DriveNode):
 
     def leave(self) -> str:
         """Shut both drives down cleanly; return the errors."""
-        return self._plane.shutdown()
+        return self._plane.drives.shutdown()
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
         if kind is PlanarSettings and self.configured:
-            self._plane.settings = self._law_settings()
+            self._plane.controller.settings = self._law_settings()
 
     # Hot loop ------------------------------------------------------------------------------
 
@@ -173,15 +168,16 @@ class ManusNode(DriveNode):
         self._plane.step()
 
     def _read_inputs(self, now_ns: int) -> None:
-        self.permission(self._plane.permit, now_ns)
+        controller = self._plane.controller
+        self.permission(self._plane.drives.permit, now_ns)
         force = self._take_force()
         if force is not None:
-            self._plane.on_force(force, now_ns)
-        self._slot.read(self._plane.guide, now_ns)
+            controller.on_force(force, now_ns)
+        self._slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity
-            self._plane.wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
+            controller.wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
 
     def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:
@@ -198,7 +194,7 @@ class ManusNode(DriveNode):
     @property
     def permit(self) -> Permit:
         """The gate with both drives."""
-        return self._plane.permit
+        return self._plane.drives.permit
 
     def enable(self) -> str:
         """Enable both drives; return why not, empty if done. Refused while not homed."""
@@ -215,22 +211,23 @@ class ManusNode(DriveNode):
         """State of the drives, timing, counters."""
         # Another thread owns the meter: this is the value that the loop stored last.
         now_ns, state = self.clock.now_ns(), self._state
+        controller, drives = self._plane.controller, self._plane.drives
         values = {
             "rate [1/s]": f"{state.rate:.0f}",
             "latency p99 [us]": f"{self._latency_p99 * 1e6:.0f}",
             "late": state.late,
             "lost": state.lost,
-            "homed": self._plane.homed,
-            "force gain [%]": f"{100.0 * self._plane.share:.0f}",
+            "homed": controller.homed,
+            "force gain [%]": f"{100.0 * controller.share:.0f}",
             "slot refused": self._slot.refused or "no",
             **self.port_values(self._plane.skipped),
         }
-        for joint, drive, part in zip(JOINTS, self.drives, self._plane.joints, strict=True):
+        for joint, drive, motor in zip(JOINTS, self.drives, drives.motors, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text
-            values[f"{joint} heat [%]"] = f"{100.0 * part.warmth:.0f}"
+            values[f"{joint} heat [%]"] = f"{100.0 * motor.warmth:.0f}"
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
-        health, share = self.drive_health(values, state), self._plane.share
+        health, share = self.drive_health(values, state), controller.share
         warning = guarded(share) if share < 1.0 else self._pullers.warning
         if health.level == OK and warning:
             return health._replace(level=WARN, message=warning)
@@ -239,27 +236,27 @@ class ManusNode(DriveNode):
 
 def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     """Write the plane's state into its message; where the drives are silent, NaN as positions."""
-    drives: tuple[Any, ...] = plane.permit.drives
-    output = plane.output
-    message.homed = plane.homed
-    fill_permit(message, plane.permit)
-    message.drive_state = [int(drive.state(now_ns)) for drive in drives]
-    message.error_code = [drive.error_code for drive in drives]
-    message.joint_position = [motion.position for motion in plane.motions]
-    message.joint_velocity = [motion.velocity for motion in plane.motions]
-    message.commanded_torque = list(plane.written)
+    controller, drives = plane.controller, plane.drives
+    output = controller.output
+    message.homed = controller.homed
+    fill_permit(message, drives.permit)
+    message.drive_state = [int(drive.state(now_ns)) for drive in drives.pair]
+    message.error_code = [drive.error_code for drive in drives.pair]
+    message.joint_position = [motion.position for motion in controller.motions]
+    message.joint_velocity = [motion.velocity for motion in controller.motions]
+    message.commanded_torque = list(drives.written)
     message.measured_torque = [
-        drive.reading.torque if drive.reading else 0.0 for drive in drives
+        drive.reading.torque if drive.reading else 0.0 for drive in drives.pair
     ]
     if output is not None:
         message.position = [output.x, output.y]
         message.velocity = [output.vx, output.vy]
         message.force = [output.force_x, output.force_y]
         message.desired_position = [output.desired_x, output.desired_y]
-        message.saturated = output.saturated or plane.hot
-    if not plane.measures(now_ns):
+        message.saturated = output.saturated or drives.hot
+    if not controller.measured.fresh(now_ns):
         message.position = message.velocity = _UNKNOWN
         message.joint_position = message.joint_velocity = _UNKNOWN
-    message.stiffness, message.damping = plane.state.stiffness, plane.state.damping
+    message.stiffness, message.damping = controller.state.stiffness, controller.state.damping
     message.samples = plane.meter.samples
     fill_counts(message, plane.meter, now_ns)

@@ -38,7 +38,8 @@ from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, WorldSettings, load_world
@@ -380,10 +381,10 @@ class OneThreadRobot:
     def tick(self) -> None:
         """One period of both loops."""
         now, refused = self.now_ns, "" if self.permitted else "test"
-        for permit in (self.axis.permit, self.plane.permit):
+        for permit in (self.axis.permit, self.plane.drives.permit):
             permit.supervise(self.permitted, refused, now)
         self.controller.wanted.ask(self.setpoint[:1], self.setpoint[1:], now)
-        self.plane.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
+        self.plane.controller.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
         self._sample = None
         commanded = self.parts if self.commanding else self.parts._replace(controller=None)
         self.vertical.step(commanded)
@@ -406,7 +407,7 @@ class OneThreadRobot:
     def _on_force(self, force: ForceReading) -> None:
         self._readings.append(force)
         if self.plane_hears_force:
-            self.plane.on_force(force, self.now_ns)
+            self.plane.controller.on_force(force, self.now_ns)
 
     def _row(self, sample: EncoderReading | None) -> Row:
         controller, axis = self.controller, self.axis
@@ -418,8 +419,8 @@ class OneThreadRobot:
             controller.output.force,
             axis.last.command,
             axis.permit.reason or controller.reason,
-            self.plane.written,
-            self.plane.permit.reason,
+            self.plane.drives.written,
+            self.plane.drives.permit.reason,
         )
 
     @property

@@ -213,15 +213,15 @@ def test_plane_follows_its_set_point(stiffness, gain, request):
     bench = OneThreadRobot(world=world._replace(planar=bent))
     request.addfinalizer(bench.close)
     bench.ready()
-    bench.plane.settings = bench.plane.settings._replace(force_gain=gain)
+    bench.plane.controller.settings = bench.plane.controller.settings._replace(force_gain=gain)
     bench.world.set_arm(ArmSettings(kind="relaxed"))
     assert bench.enable_plane() == ""
     bench.planar_setpoint = (0.08, 0.06, 0.0, 0.0)
     bench.seconds(2.0)
     x, y = bench.world.truth().planar_position
     assert math.hypot(x - 0.08, y - 0.06) < 0.03
-    assert bench.plane.output.x == pytest.approx(x, abs=1e-3)
-    assert bench.plane.output.y == pytest.approx(y, abs=1e-3)
+    assert bench.plane.controller.output.x == pytest.approx(x, abs=1e-3)
+    assert bench.plane.controller.output.y == pytest.approx(y, abs=1e-3)
 
 
 def test_one_planar_drive_down_takes_both(bench):
@@ -233,4 +233,4 @@ def test_one_planar_drive_down_takes_both(bench):
     bench.rig.inject("elbow", "fault", 0.0, 0.0, bench.now_ns)
     bench.seconds(0.1)
     assert bench.world.planar_torque == pytest.approx((0.0, 0.0), abs=1e-6)
-    assert "elbow" in bench.plane.permit.reason
+    assert "elbow" in bench.plane.drives.permit.reason

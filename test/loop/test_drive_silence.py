@@ -12,7 +12,8 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.errors import NotAnswering
 from screw_module_ros.loop.controller import VerticalController
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.trials.one_thread import PERIOD_NS
 
@@ -28,8 +29,8 @@ def test_how_long_a_joint_may_be_silent_is_a_setting(bench, silence, goes_on):
     """The command's age, five periods, used to stop the plane whatever was set."""
     old = bench.plane
     bench.plane = Plane(
-        bench.planar_drives, bench.ports["planar"], PERIOD_NS, old.settings,
-        JointSettings(silence=silence), old.permit.settings,
+        bench.planar_drives, bench.ports["planar"], PERIOD_NS, old.controller.settings,
+        JointSettings(silence=silence), old.drives.permit.settings,
     )  # fmt: skip
     bench.ticks(30)
     assert bench.plane.take_home(bench.now_ns) == ""
@@ -39,7 +40,7 @@ def test_how_long_a_joint_may_be_silent_is_a_setting(bench, silence, goes_on):
     bench.ticks(9)
     cable(bench, "elbow", "clear")
     bench.ticks(3)
-    assert bench.plane.permit.enabled == goes_on
+    assert bench.plane.drives.permit.enabled == goes_on
 
 
 def test_an_enabled_drive_that_says_nothing_is_a_fault_of_the_controller(enabled):
@@ -87,7 +88,7 @@ def test_its_silence_ends_a_fault_from_before_the_torque(bench):
 def test_a_silent_plane_shows_the_whole_gain(bench):
     cable(bench, "elbow")
     bench.ticks(10)
-    assert (bench.plane.output, bench.plane.share) == (None, 1.0)
+    assert (bench.plane.controller.output, bench.plane.controller.share) == (None, 1.0)
 
 
 def test_a_controller_that_has_heard_nothing_commands_nothing():

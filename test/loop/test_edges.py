@@ -11,13 +11,19 @@ from loop_parts import MS, open_axis
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Reach, Slot, SlotLimits
-from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.loop.inputs import Guide
-from screw_module_ros.loop.plane import Joint, JointSettings, clear_of_stops, hand_torques
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import (
+    Joint,
+    JointSettings,
+    clear_of_stops,
+    hand_torques,
+)
 from screw_module_ros.loop.ticker import Ticker, period_of
 from screw_module_ros.safety.checks import FreezeSettings
+from screw_module_ros.trials.one_thread import PERIOD_NS
 
 LAW = PlanarSettings()
 REACH = Reach(-1.0, 1.0, -1.0, 1.0)
@@ -27,7 +33,7 @@ REACH = Reach(-1.0, 1.0, -1.0, 1.0)
 
 
 def joint() -> Joint:
-    made = Joint(JointSettings(), DriveSettings(), FreezeSettings(), 2 * MS)
+    made = Joint(JointSettings(), FreezeSettings(), 2 * MS)
     assert made.take(0.0, 1) == ""
     made.motion.homed = True
     return made
@@ -71,14 +77,17 @@ def test_a_joint_is_clear_of_its_stops_only_between_them(name):
 
 
 def test_the_plane_is_homed_where_its_mark_is_and_only_at_rest(bench):
-    plane = bench.plane
-    plane._joint_settings = JointSettings(home_x=0.03, home_y=-0.02, home_shift=1.0)
-    for each in plane.joints:
-        each.motion.homed = False
+    old = bench.plane
+    bench.plane = plane = Plane(
+        bench.planar_drives, bench.ports["planar"], PERIOD_NS, LAW,
+        JointSettings(home_x=0.03, home_y=-0.02, home_shift=1.0), old.drives.permit.settings,
+    )  # fmt: skip
+    bench.ticks(30)
     assert plane.take_home(bench.now_ns) == ""
-    assert [j.motion.position for j in plane.joints] == pytest.approx(inverse(0.03, -0.02))
+    angles = [each.motion.position for each in plane.controller.joints]
+    assert angles == pytest.approx(inverse(0.03, -0.02))
     for number, label in enumerate(("shoulder", "elbow")):
-        rest = plane.joints[number].motion
+        rest = plane.controller.joints[number].motion
         rest.velocity = -0.02
         assert plane.take_home(bench.now_ns) == ""
         rest.velocity = -0.0201
@@ -87,17 +96,17 @@ def test_the_plane_is_homed_where_its_mark_is_and_only_at_rest(bench):
 
 
 def test_a_plane_whose_drives_were_silent_for_a_tenth_of_a_second_is_not_homed(bench):
-    acted = bench.plane._acted.stamp_ns
-    assert bench.plane.measures(acted + 100 * MS)
-    assert not bench.plane.measures(acted + 100 * MS + 1)
-    assert bench.plane.take_home(acted + 100 * MS + 1) == "the drives do not answer"
+    measured = bench.plane.controller.measured
+    last_ns = measured.stamp_ns
+    assert measured.fresh(last_ns + 100 * MS) and not measured.fresh(last_ns + 100 * MS + 1)
+    assert bench.plane.take_home(last_ns + 100 * MS + 1) == "the drives do not answer"
 
 
 @pytest.mark.parametrize(("missed", "reason"), [(19, ""), (20, "20 deadlines missed in a row")])
 def test_a_plane_with_torque_stops_after_twenty_missed_deadlines(bench, plane, missed, reason):
     plane.meter.consecutive_missed = missed
-    plane._check(bench.now_ns)
-    assert plane.permit.fault.reason == reason
+    plane.check(bench.now_ns)
+    assert plane.drives.permit.fault.reason == reason
 
 
 @pytest.mark.parametrize(("sign", "faulty", "doubted"), [(-1, 0, 0), (1, 0, 1), (1, 1, 0)])
@@ -106,32 +115,33 @@ def test_a_joint_is_judged_by_motor_and_hand_together(bench, plane, sign, faulty
     sample = bench._readings[-1]._replace(
         monotonic_ns=bench.now_ns, fx=20.0, fy=-25.0, status=faulty << 4
     )
-    plane.on_force(sample, bench.now_ns)
-    plane.permit.fault.clear()
-    pushed = hand_torques(*(each.motion.position for each in plane.joints), 20.0, -25.0)
+    controller = plane.controller
+    controller.on_force(sample, bench.now_ns)
+    controller.fault.clear()
+    pushed = hand_torques(*(each.motion.position for each in controller.joints), 20.0, -25.0)
     assert max(map(abs, pushed)) > 3.0
-    plane.written = tuple(sign * torque for torque in pushed)
     for _ in range(120):
-        plane._check_frozen()
-    assert ("position (6064)" in plane.permit.fault.reason) == bool(doubted)
+        controller.check_frozen((sign * pushed[0], sign * pushed[1]), True)
+    assert ("position (6064)" in controller.fault.reason) == bool(doubted)
 
 
 def test_before_the_first_tick_nothing_is_commanded(bench, plane):
     assert open_axis([]).last == (0.0, 0.0, False) and open_axis([]).asked == 0.0
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
     bench.ticks(100)
-    assert plane.written != (0.0, 0.0) and plane.meter.samples
+    assert plane.drives.written != (0.0, 0.0) and plane.meter.samples
     plane.restart()
-    assert (plane.written, plane.output, plane.meter.samples) == ((0.0, 0.0), None, 0)
-    assert (plane.skipped, plane.homed, plane.measures(bench.now_ns)) == (0, False, False)
+    assert (plane.drives.written, plane.meter.samples, plane.skipped) == ((0.0, 0.0), 0, 0)
+    assert plane.controller.output is None and not plane.controller.homed
+    assert not plane.controller.measured.fresh(bench.now_ns)
 
 
 def test_what_a_frozen_joint_has_added_up_is_forgotten_without_torque(bench):
-    for each in bench.plane.joints:
+    for each in bench.plane.controller.joints:
         assert each.frozen.check(each.motion.position, 50.0, 0.0) == ""
         assert each.frozen.check(each.motion.position, 50.0, 0.09) == ""
     bench.tick()
-    for each in bench.plane.joints:
+    for each in bench.plane.controller.joints:
         assert each.frozen.check(each.motion.position, 50.0, 0.09) == ""
 
 

@@ -12,10 +12,9 @@ from loop_parts import MS, S, noting_drive, open_axis
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.limits import TorqueLimits
-from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane_drives import PlaneDrives
 from screw_module_ros.safety.permit import PermitSettings
 
 RATED, LARGEST, TIME_CONSTANT = 10.0, 25.0, 10.0
@@ -25,11 +24,10 @@ HOLD = (18.0, -23.0)
 
 
 def plane_of(sent, **drive):
-    """Return a plane whose gate is open; it notes what both drives get [Nm]."""
+    """Return the plane's drives behind an open gate; they note what they get [Nm]."""
     drives = [noting_drive(got, DRIVE._replace(**drive)) for got in sent]
     port = SimpleNamespace(clock=ManualClock(S))
-    joints = JointSettings(time_constant=TIME_CONSTANT)
-    made = Plane(drives, port, 2 * MS, PlanarSettings(), joints, PermitSettings())
+    made = PlaneDrives(drives, port, 2 * MS, PermitSettings(), TIME_CONSTANT)
     made.permit.step = lambda newest_ns, now_ns: 1.0
     return made
 
@@ -37,9 +35,8 @@ def plane_of(sent, **drive):
 def asked(plane, torques, seconds, begin_ns=S):
     """Ask for these torques for a while; return the time of the last write [ns]."""
     end_ns = begin_ns + round(seconds * S)
-    plane.output = SimpleNamespace(shoulder_torque=torques[0], elbow_torque=torques[1])
     for now_ns in range(begin_ns, end_ns, 2 * MS):
-        plane._write(now_ns)
+        plane.write(torques, now_ns, now_ns)
     return end_ns - 2 * MS
 
 
@@ -110,8 +107,7 @@ def test_a_new_configuration_cools_no_motor():
     for sent, later_ns in ((warm, end_ns + S // 5), (cooled, end_ns + 60 * S)):
         second = plane_of(sent)
         second.warm_as(first)
-        second.output = None
-        second._write(later_ns)
+        second.write((0.0, 0.0), later_ns, later_ns)
         asked(second, HOLD, 0.1, later_ns + 2 * MS)
     assert RATED < abs(warm[1][-1]) < 13.0
     assert (cooled[0][-1], cooled[1][-1]) == HOLD

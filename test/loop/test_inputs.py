@@ -64,11 +64,11 @@ def test_a_slot_is_kept_within_reach():
 
 
 def test_slots_have_the_reach_of_set_points(enabled):
-    law, plane = enabled.controller.settings, enabled.plane.settings
+    law, plane = enabled.controller.settings, enabled.plane.controller.settings
     wide, deep = plane.half_width, plane.half_depth
     for _ in range(2):
         assert enabled.controller.guide.reach == Reach(law.travel_low, law.travel_high)
-        assert enabled.plane.guide.reach == Reach(-wide, wide, -deep, deep)
+        assert enabled.plane.controller.guide.reach == Reach(-wide, wide, -deep, deep)
         enabled.plane.restart()
 
 

@@ -18,9 +18,9 @@ def homed_and_enabled(bench) -> bool:
 
 
 def test_not_on_the_way_to_enabled(bench):
-    bench.plane.permit.phase = OPENING
+    bench.plane.drives.permit.phase = OPENING
     assert "disable it first" in bench.plane.take_home(bench.now_ns)
-    bench.plane.permit.phase = CLOSED
+    bench.plane.drives.permit.phase = CLOSED
     assert bench.plane.take_home(bench.now_ns) == ""
 
 
@@ -42,13 +42,13 @@ def test_not_while_a_drive_is_in_operation_without_us(bench):
 def test_elsewhere_it_must_be_asked_for_twice(bench):
     """The handle stands 5 cm from where the last homing says the mark is."""
     axes = bench.plane
-    shoulder, elbow = axes.joints
+    shoulder, elbow = axes.controller.joints
     shoulder.motion.home(shoulder.motion.position + 0.1)
     angles = shoulder.motion.position, elbow.motion.position
     refused = axes.take_home(bench.now_ns)
     assert "mm against the last homing" in refused and "again" in refused
     assert (shoulder.motion.position, elbow.motion.position) == angles, "nothing moved"
-    assert not axes.homed and "not homed" in bench.enable_plane()
+    assert not axes.controller.homed and "not homed" in bench.enable_plane()
     bench.ticks(500)
     assert "against" in axes.take_home(bench.now_ns), "too soon to be a second thought"
     bench.ticks(2000)
@@ -65,17 +65,17 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     def guards():
         return [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends]
 
-    assert axes.homed
-    axes.guide.ask(Slot(target_y=0.14), 0, bench.now_ns)
-    assert axes.shutdown() == ""
+    assert axes.controller.homed
+    axes.controller.guide.ask(Slot(target_y=0.14), 0, bench.now_ns)
+    assert axes.drives.shutdown() == ""
     assert guards() == [(0, 0)] * 2
     axes.restart()
-    assert axes.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
-    drive_group.start(axes.permit.drives)
+    assert axes.controller.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
+    drive_group.start(axes.drives.permit.drives)
     assert guards() == [(20, 113 << 16 | 100)] * 2
     assert axes.take_home(bench.now_ns) == "the drives do not answer"
     bench.ticks(30)
-    assert not axes.homed and "not homed" in bench.enable_plane()
+    assert not axes.controller.homed and "not homed" in bench.enable_plane()
     assert homed_and_enabled(bench)
 
 
@@ -86,13 +86,13 @@ def test_a_jump_costs_the_home_position(bench, plane):
     bench.ticks(20)
     bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
     bench.ticks(200)
-    assert not plane.homed
+    assert not plane.controller.homed
     assert bench._asking(plane.clear_fault) == ""
     assert "not homed" in bench.enable_plane()
     bench.ticks(2000)
     assert homed_and_enabled(bench)
     bench.ticks(600)
-    assert max(map(abs, plane.written)) > 0.1
+    assert max(map(abs, plane.drives.written)) > 0.1
 
 
 HOME_OFFSET = 0x607C
@@ -102,16 +102,16 @@ HOME_OFFSET = 0x607C
 @pytest.mark.parametrize("node_id", [3, 4])
 def test_after_a_foreign_sdo_client_the_plane_must_be_homed_again(bench, node_id):
     """Shifted counts are no jump: the drive was silent while it was configured anew."""
-    assert bench.plane.homed
+    assert bench.plane.controller.homed
     data = struct.pack("<BHBi", 0x23, HOME_OFFSET, 0, 1000)
     with can.Bus(interface="virtual", channel=bench.ports["planar"].bus.channel_id) as intruder:
         request = can.Message(arbitration_id=0x600 + node_id, data=data, is_extended_id=False)
         intruder.send(request)
         bench.ticks(5)
-        drives = bench.plane.permit.drives
+        drives = bench.plane.drives.permit.drives
         assert any("another SDO client" in drive.fault for drive in drives)
         assert bench._asking(bench.plane.clear_fault) == ""
-    assert not bench.plane.homed
+    assert not bench.plane.controller.homed
     assert "not homed" in bench.enable_plane()
     bench.ticks(50)
     assert homed_and_enabled(bench)

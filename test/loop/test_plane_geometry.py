@@ -24,7 +24,8 @@ from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import PlanarArm
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.plant.planar import resting_plane
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.safety.permit import PermitSettings
@@ -123,11 +124,11 @@ class Station:
             (drives[0], drives[1]), self.wire.port, round(PERIOD_MS * MS), law, JointSettings(),
             PermitSettings(),
         )  # fmt: skip
-        self.plane.permit.requests.ask = self._ask
+        self.plane.drives.permit.requests.ask = self._ask
         self.number = 0
 
     def _ask(self, action, _clock=None) -> str:
-        answer = self.plane.permit.requests.put(action)
+        answer = self.plane.drives.permit.requests.put(action)
         self.tick()
         return answer.result(timeout=0.0)
 
@@ -141,17 +142,17 @@ class Station:
             end.position = round(turn * angle * COUNTS / (2.0 * math.pi)) + offset
             self.wire.emit(0x700 + end.node_id, "05" if end.operational else "7F")
             end.report_slowly()
-        self.plane.permit.supervise(True, "", now_ns)
+        self.plane.drives.permit.supervise(True, "", now_ns)
         self.number += 1
-        self.plane.on_force(
+        self.plane.controller.on_force(
             ForceReading(self.number, now_ns, now_ns, *self.push, 0.0, 0.0, 0.0, 0.0, 0), now_ns
         )
-        self.plane.wanted.ask(self.aim, (0.0, 0.0), now_ns)
-        self.plane.request(now_ns)
+        self.plane.controller.wanted.ask(self.aim, (0.0, 0.0), now_ns)
+        self.plane.drives.request(now_ns)
         self.wire.port.pump()
-        assert self.plane.answered(now_ns)
+        assert self.plane.drives.answered(now_ns)
         self.plane.act(now_ns)
-        assert self.plane.permit.fault.reason == ""
+        assert self.plane.drives.permit.fault.reason == ""
 
     def ticks(self, count: int) -> None:
         for _ in range(count):
@@ -171,14 +172,14 @@ class Station:
         assert self.plane.take_home(self.wire.now_ns) == ""
 
     def enable(self) -> None:
-        assert self._ask(self.plane.permit.apply_enable) == ""
+        assert self._ask(self.plane.drives.permit.apply_enable) == ""
         self.ticks(400)  # gate and law fade in
-        assert self.plane.permit.enabled
+        assert self.plane.drives.permit.enabled
 
     def shown(self) -> tuple[float, float]:
         """The handle's place [m] that the controller tells."""
         self.tick()
-        return self.plane.output.x, self.plane.output.y
+        return self.plane.controller.output.x, self.plane.controller.output.y
 
     def force(self) -> tuple[float, float]:
         """Force of the motors on the hand [N], by the frames that the drives got."""
@@ -224,7 +225,7 @@ def test_in_the_centre_the_arm_stands_as_it_must():
     assert [math.degrees(a) for a in Robot().pose(0.0, 0.0)] == pytest.approx(POSE, abs=0.05)
     station = Station(Robot(), (1, 1), shipped_law())
     station.home()
-    homed = [math.degrees(motion.position) for motion in station.plane.motions]
+    homed = [math.degrees(motion.position) for motion in station.plane.controller.motions]
     station.wire.close()
     assert homed == pytest.approx(POSE, abs=0.05)
 
@@ -288,7 +289,7 @@ def test_the_spring_pushes_the_hand_towards_its_set_point(station, place):
     station.home()
     station.move(*place)
     station.enable()
-    stiffness = station.plane.settings.stiffness
+    stiffness = station.plane.controller.settings.stiffness
     for way in ((0.05, 0.0), (-0.03, 0.0), (0.0, 0.05), (0.03, -0.04)):
         station.aim = place[0] + way[0], place[1] + way[1]
         station.ticks(150)
@@ -302,7 +303,8 @@ def test_force_feedback_helps_the_hand_that_pushes(station, push):
 
     Briefly: a handle that stands against more torque counts as frozen.
     """
-    station.plane.settings = station.plane.settings._replace(force_gain=STUDIED_GAIN)
+    controller = station.plane.controller
+    controller.settings = controller.settings._replace(force_gain=STUDIED_GAIN)
     station.home()
     station.enable()
     assert station.force() == pytest.approx((0.0, 0.0), abs=0.05)

@@ -94,7 +94,7 @@ def _digest(bench: OneThreadRobot, begin: int) -> str:
               (bench.controller.meter, bench.axis.meter, plane.meter)]  # fmt: skip
     counted = [device.counters for device in bench.devices[:2]]
     sensors = [(part.answers, part.skipped) for part in bench.parts[:2]]
-    shown = bench.axis.own, bench.axis.last, plane.output, plane.homed
+    shown = bench.axis.own, bench.axis.last, plane.controller.output, plane.controller.homed
     digest.update(repr((meters, counted, sensors, shown)).encode())
     return digest.hexdigest()[:16]
 
@@ -212,7 +212,7 @@ def fault_run(device: str, fault: str, size: float):
         bench.controller.mode = 4
         bench.world.set_arm(_STROKE)
         bench.setpoint, bench.planar_setpoint = (0.22, 0.05), (0.06, -0.05, 0.02, 0.0)
-        bench.plane.settings = bench.plane.settings._replace(stiffness=400.0)
+        bench.plane.controller.settings = bench.plane.controller.settings._replace(stiffness=400.0)
         begin = len(bench.rows)
         bench.ticks(150)
         for name, ticks in (("for 3 ticks", 3), ("for 150 ticks", 150)):

@@ -14,7 +14,8 @@ from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import BusError
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
@@ -39,10 +40,11 @@ def fails_unforeseen(*_):
 def test_an_error_before_the_writes_does_not_skip_them(failing):
     idle = []
     port = SimpleNamespace(pump=fails, clock=ManualClock(5 * MS))
-    drives = [SimpleNamespace(settings=DriveSettings(), reading=None) for _ in range(2)]
+    drive = SimpleNamespace(settings=DriveSettings(), label="drive", reading=None)
+    drives = drive, drive
     plane = Plane(drives, port, MS, PlanarSettings(), JointSettings(), PermitSettings())
-    plane.request = fails if failing == "request" else lambda now: None
-    plane.idle = idle.append
+    plane.drives.request = fails if failing == "request" else lambda now: None
+    plane.zero_without_answers = idle.append
     plane.step()
     assert idle == [6 * MS]
 
@@ -104,7 +106,7 @@ def test_nor_does_one_in_the_plane(bench, plane):
         bench.tick()
     assert max(map(abs, last[:2])) > 0.1
     assert last[-2:] == [0.0, 0.0]
-    assert plane.permit.phase == CLOSED
+    assert plane.drives.permit.phase == CLOSED
 
 
 def test_a_silent_sensor_holds_neither_the_other_nor_a_tick_up(bench):
@@ -172,40 +174,40 @@ def axes():
     drives = fake_drive("shoulder drive"), fake_drive("elbow drive")
     port = SimpleNamespace(clock=ManualClock(102 * MS))
     made = Plane(drives, port, MS, PlanarSettings(), JointSettings(), PermitSettings())
-    made.permit.supervise(True, "", 100 * MS)
+    made.drives.permit.supervise(True, "", 100 * MS)
     made.act(100 * MS)
-    made.permit.phase, made.permit.scale = OPEN, 1.0
+    made.drives.permit.phase, made.drives.permit.scale = OPEN, 1.0
     for drive in drives:
         drive.write.reset_mock()
     return made
 
 
-@pytest.mark.parametrize("writes", ["act", "idle"])
+@pytest.mark.parametrize("writes", ["act", "zero_without_answers"])
 @pytest.mark.parametrize(
     ("failing", "raised"), [((0,), "shoulder"), ((1,), "elbow"), ((0, 1), "shoulder")]
 )
 def test_both_drives_are_written_whichever_fails(axes, writes, failing, raised):
     """The first error is the one raised."""
-    drives = axes.permit.drives
+    drives = axes.drives.permit.drives
     for number in failing:
         drives[number].write.side_effect = BusError(f"{drives[number].label} write")
     with pytest.raises(BusError, match=f"{raised} drive write"):
         getattr(axes, writes)(101 * MS)
     assert [drive.write.call_count for drive in drives] == [1, 1]
-    assert len(axes.written) == 2
+    assert len(axes.drives.written) == 2
 
 
 def test_the_heartbeat_goes_out_without_a_sync(axes):
-    axes.permit.drives[0].sync.side_effect = BusError("sync")
+    axes.drives.permit.drives[0].sync.side_effect = BusError("sync")
     with pytest.raises(BusError, match="sync"):
-        axes.request(101 * MS)
-    assert all(drive.heartbeat.called for drive in axes.permit.drives)
+        axes.drives.request(101 * MS)
+    assert all(drive.heartbeat.called for drive in axes.drives.permit.drives)
 
 
 def test_after_the_end_the_gate_is_closed_and_the_next_start_finds_no_fault(axes):
     """Deactivated while enabled, activated again later: nothing is latched."""
-    assert axes.permit.enabled
-    assert axes.shutdown() == ""
-    assert not axes.permit.enabled and axes.permit.reason == "not enabled"
-    axes.idle(9000 * MS)
-    assert not axes.permit.faulted
+    assert axes.drives.permit.enabled
+    assert axes.drives.shutdown() == ""
+    assert not axes.drives.permit.enabled and axes.drives.permit.reason == "not enabled"
+    axes.zero_without_answers(9000 * MS)
+    assert not axes.drives.permit.faulted

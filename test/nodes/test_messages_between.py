@@ -21,7 +21,8 @@ from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.lockstep.clock import simulated_clock
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import inbox, topics
 from screw_module_ros.nodes.support.drives import VERTICAL, Permission
@@ -283,16 +284,16 @@ def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch
     node.period_ns = 2_000_000
     node.port = SimpleNamespace(clock=node.clock, counters=Counter())
     drive = SimpleNamespace(
-        settings=DriveSettings(), running=False, request_disable=lambda: None
+        settings=DriveSettings(), label="drive", running=False, request_disable=lambda: None
     )
     settings = (PlanarSettings(), JointSettings(), PermitSettings())
     node._plane = Plane((drive, drive), node.port, node.period_ns, *settings)
     monkeypatch.setattr(node, "start_drives", lambda: None)
     node._make_topics()
     node.begin()
-    node._plane.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
+    node._plane.controller.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
     node.end()
     node.begin()
-    assert all(map(math.isnan, node._plane.wanted.at(1, True)[:2]))
+    assert all(map(math.isnan, node._plane.controller.wanted.at(1, True)[:2]))
     node.disconnect()
     node.close_topics()

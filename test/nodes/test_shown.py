@@ -71,7 +71,7 @@ def test_the_plane_is_invalid_while_a_drive_is_silent(bench):
     assert planar_joints(carried(plane, bench.now_ns)).keys() == {"shoulder", "elbow"}
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(150)
-    assert bench.plane.homed, "the count is not lost yet"
+    assert bench.plane.controller.homed, "the count is not lost yet"
     message = shown_plane(bench, plane)
     assert list(message.valid[:2]) == [False, False]
     assert math.isnan(message.position.x) and math.isnan(message.velocity.y)
@@ -89,7 +89,7 @@ def test_a_lost_answer_does_not_make_it_invalid(bench):
     before = shown_plane(bench, plane)
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(3)
-    assert bench.plane.output is None
+    assert bench.plane.controller.output is None
     assert shown_plane(bench, plane).position.x == before.position.x
 
 
@@ -151,12 +151,13 @@ def test_the_damping_shown_is_the_one_in_use(bench):
     """A force gain needs more than the setting, else a released handle swings."""
     plane = PlanarState()
     fill_plane(plane, bench.plane, bench.now_ns)
-    assert plane.damping == bench.plane.settings.damping
-    bench.plane.settings = bench.plane.settings._replace(damping=2.0, force_gain=9.0)
+    controller = bench.plane.controller
+    assert plane.damping == controller.settings.damping
+    controller.settings = controller.settings._replace(damping=2.0, force_gain=9.0)
     assert bench.enable_plane() == ""
     bench.seconds(3.0)
     fill_plane(plane, bench.plane, bench.now_ns)
-    settings = bench.plane.settings
+    settings = controller.settings
     assert plane.damping == pytest.approx(least_damping(settings, settings.stiffness, 9.0))
     assert plane.damping > settings.damping
 

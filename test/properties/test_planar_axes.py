@@ -23,7 +23,8 @@ from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 PERIOD_NS = 2 * MS
@@ -79,7 +80,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             drive.configure()
             drive.start()
         self.axes = Plane(self.drives, self.wire.port, PERIOD_NS, LAW, JOINTS, GATE)
-        self.axes.permit.requests.ask = self.ask
+        self.axes.drives.permit.requests.ask = self.ask
         self.waits = Waits(self)
         self.shown, self.shown_ns = [0, 0], [0, 0]
         for index, node in enumerate(NODES):
@@ -95,7 +96,8 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.setpoint = (*setpoint, 0.0, 0.0)
         self.bring_up()
         self.work(60)
-        assert self.axes.permit.enabled and any(abs(torque) > 0.1 for torque in self.axes.written)
+        drives = self.axes.drives
+        assert drives.permit.enabled and any(abs(torque) > 0.1 for torque in drives.written)
 
     def teardown(self):
         if hasattr(self, "wire"):
@@ -111,15 +113,15 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     def tick(self, periods: float = 1.0) -> None:
         now_ns = self.wire.advance(periods * PERIOD_NS / MS)
         self.far_ends(now_ns)
-        self.axes.request(now_ns)
+        self.axes.drives.request(now_ns)
         self.wire.port.pump()
         faulty = any(drive.fault for drive in self.drives)
-        self.answered = self.axes.answered(now_ns)
+        self.answered = self.axes.drives.answered(now_ns)
         if self.answered:
-            self.axes.wanted.ask(self.setpoint[:2], self.setpoint[2:], now_ns)
+            self.axes.controller.wanted.ask(self.setpoint[:2], self.setpoint[2:], now_ns)
             self.axes.act(now_ns)
         else:
-            self.axes.idle(now_ns)
+            self.axes.zero_without_answers(now_ns)
         self.judge_law(now_ns)
         self.judge(faulty)
 
@@ -133,7 +135,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     def judge_law(self, now_ns: int) -> None:
         """Look at what is asked for before gate and drives."""
-        output = self.axes.output if self.answered else None
+        output = self.axes.controller.output if self.answered else None
         elapsed = min((now_ns - self.acted_ns) * 1e-9, LONGEST_STEP)
         torques = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
         assert output is None or all(map(math.isfinite, output))
@@ -146,13 +148,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     def judge(self, faulty: bool) -> None:
         """Look at what stands on the wire. faulty: a drive was, before the command went out."""
         axes, now_ns = self.axes, self.wire.now_ns
-        phase = axes.permit.phase
+        phase = axes.drives.permit.phase
         self.open_ns = (self.open_ns or now_ns) if phase == OPEN else None
         since = (now_ns - self.open_ns) * 1e-9 if self.open_ns else 0.0
-        if faulty or axes.permit.fault.reason or not self.permitted:
+        if faulty or axes.drives.permit.fault.reason or not self.permitted:
             self.asked = False  # only another wish may open it again
         may_pass = (
-            phase == OPEN and self.asked and axes.homed and now_ns - self.safety_ns <= 100 * MS
+            phase == OPEN and self.asked and axes.controller.homed
+            and now_ns - self.safety_ns <= 100 * MS
             and all(word & 0x6F == 0x27 for word in self.shown)
             and all(now_ns - shown_ns <= FRESH_NS for shown_ns in self.shown_ns)
         )  # fmt: skip
@@ -161,7 +164,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             assert self.asked or word & 0x0F != 0x0F
             wanted = min(abs(self.torques[index]), LAW.torque_rate * since)
             assert abs(torque) <= min(1.0, since / GATE.ramp_time) * wanted + PER_MILLE
-        assert all(map(math.isfinite, axes.written))
+        assert all(map(math.isfinite, axes.drives.written))
         if phase == CLOSED:
             self.asked = False
 
@@ -206,7 +209,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.ends[drive].position = position
         self.work(1)
         far = min(moved, 2**32 - moved) * COUNT > 30.0 * JOINTS.jump  # late ticks count
-        assert not (far and self.answered and self.axes.permit.enabled)
+        assert not (far and self.answered and self.axes.drives.permit.enabled)
 
     @rule(speeds=st.tuples(*[st.integers(-120, 120)] * 2), count=st.integers(1, 150))
     def push(self, speeds, count):
@@ -230,7 +233,8 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule(change=live_changes(PlanarSettings))
     def change(self, change):
-        self.axes.settings = self.axes.settings._replace(**dict([change])).validated()
+        controller = self.axes.controller
+        controller.settings = controller.settings._replace(**dict([change])).validated()
 
     @rule(permitted=st.sampled_from((True, True, False)), age=st.sampled_from((0, 0, 90, 200)))
     def permit(self, permitted, age):
@@ -239,7 +243,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.tick()
 
     def told(self, permitted: bool, stamp_ns: int) -> None:
-        self.axes.permit.supervise(permitted, "told so", stamp_ns)
+        self.axes.drives.permit.supervise(permitted, "told so", stamp_ns)
         self.refused_ns = self.refused_ns if permitted else stamp_ns
         self.permitted = stamp_ns - self.refused_ns > REFUSAL_NS
         self.safety_ns = stamp_ns
@@ -257,16 +261,16 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def enable(self):
-        if self.axes.homed:
-            self.ask(self.axes.permit.apply_enable)
+        if self.axes.controller.homed:
+            self.ask(self.axes.drives.permit.apply_enable)
         self.work(5)
 
     @rule(slow=which)
     def enable_with_one_drive_slow(self, slow):
         """One never shows operation enabled: the other must not turn either."""
         self.disable()
-        if self.axes.homed and not self.axes.permit.faulted:
-            self.ask(self.axes.permit.apply_enable)
+        if self.axes.controller.homed and not self.axes.drives.permit.faulted:
+            self.ask(self.axes.drives.permit.apply_enable)
         for _ in range(60):
             if self.ends[slow].state == "operation enabled":
                 self.ends[slow].state = "switched on"
@@ -274,7 +278,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def disable(self):
-        self.axes.permit.disable(self.waits)
+        self.axes.drives.permit.disable(self.waits)
         self.asked = False
         self.work(2)
 
@@ -288,7 +292,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         """Mend everything and do all an operator would, in order."""
         for end in self.ends:
             end.answering, end.cause_stands = True, False
-        self.refused_ns, self.axes.permit._refused_ns = -REFUSAL_NS, None
+        self.refused_ns, self.axes.drives.permit._refused_ns = -REFUSAL_NS, None
         self.told(True, self.wire.now_ns)
         self.disable()
         self.work(40)
@@ -300,14 +304,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     def operate(self) -> None:
         """Have torque pass, so that there is something to lose."""
-        if not self.axes.permit.enabled:
+        if not self.axes.drives.permit.enabled:
             self.setpoint = (0.15, 0.15, 0.0, 0.0)
             self.bring_up()
 
     def ask(self, action, _clock=None) -> str:
         """Ask as a service does and tick, so that it is answered."""
-        self.asked = self.asked or action == self.axes.permit.apply_enable
-        answer = self.axes.permit.requests.put(action)
+        self.asked = self.asked or action == self.axes.drives.permit.apply_enable
+        answer = self.axes.drives.permit.requests.put(action)
         self.work(1)
         return answer.result(timeout=0.0)
 

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from screw_module_ros.geometry import forward, inverse
-from screw_module_ros.loop.plane import hand_torques
+from screw_module_ros.loop.plane_controller import hand_torques
 from screw_module_ros.safety.checks import (
     HOME_AGAIN,
     Agreement,
