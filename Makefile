@@ -31,10 +31,10 @@ fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yam
 	@tools/run python test/fuzz/fuzz.py $(ARGS)
 
 bench: build  ## how fast it runs here: wall clock, lock step, calls of a tick, the loop; ARGS="--quick --only steps"
-	@tools/run bench $(ARGS)
+	@tools/run python tools/bench.py $(ARGS)
 
 soak: build  ## ten minutes of work, recorded: does anything grow? ARGS="--wall-clock", "--protocol clock_adaptive"
-	@tools/run soak $(ARGS)
+	@tools/run python tools/soak.py $(ARGS)
 
 reproduce: build  ## most experiments of the thesis and its calculations in process: report.html, report.md
 	@tools/run reproduce $(ARGS)

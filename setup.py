@@ -9,9 +9,18 @@ NAME = "screw_module_ros"
 PROGRAMS = (  # what they are: screw_module_ros/programs.py
     "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
     "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
-    "bringup", "robot_description", "characterize", "demo", "therapy", "soak", "bench",
+    "bringup", "robot_description", "characterize", "demo", "therapy",
     "check_hardware", "session", "reproduce", "study",
 )  # fmt: skip
+# What the modules of each product import beside ROS 2 (the table in pyproject.toml), and what those
+# below it do. package.xml and requirements/runtime.txt follow: a test compares all three.
+ROBOT = [
+    "canopen", "click", "lz4", "mcap", "msgpack", "numpy", "python-can", "pyyaml", "rich",
+    "rosbags", "xacro", "zstandard",
+]  # fmt: skip
+THERAPY = [*ROBOT, "aiohttp", "jinja2", "matplotlib", "scipy"]
+SIMULATION = [*THERAPY, "numba"]
+EXPERIMENTS = [*SIMULATION, "markdown-it-py"]
 EXECUTABLES = [f"{program} = {NAME}.programs:{program}" for program in PROGRAMS]
 
 setup(
@@ -41,11 +50,16 @@ setup(
     ],
     zip_safe=False,
     extras_require={
+        "robot": ROBOT,
+        "therapy": THERAPY,
+        "simulation": SIMULATION,
+        "experiments": EXPERIMENTS,
         "cluster": ["distributed"],  # study --scheduler
-        "test": ["durand", "hypothesis", "pytest", "pytest-timeout"],  # colcon looks for pytest
+        "test": ["durand", "hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout"],
     },
     entry_points={
         "console_scripts": EXECUTABLES,
-        "can.interface": [f"rig = {NAME}.can_io.rig_bus:RigBus"],
+        f"{NAME}.session": [f"therapy = {NAME}.therapy.cli:add_commands"],
+        "can.interface": [f"rig = {NAME}.rig.rig_bus:RigBus"],
     },
 )

@@ -181,6 +181,10 @@ BUSES = (
 )
 
 
+PATIENTS = ("healthy", "tremor", "weak", "flaccid")
+"""Who may hold the simulated handle: the names of `plant/patient.py`, for those without a plant."""
+
+
 def bus_of(node: str) -> str:
     """Return the simulated bus of a driver node. Raises KeyError for another node."""
     return {bus.node: bus.name for bus in BUSES}[node]

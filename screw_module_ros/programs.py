@@ -23,10 +23,9 @@ _NODES = {
     "manus": "ManusNode", "endpoint_state": "EndpointStateNode", "supervisor": "SupervisorNode",
     "therapy_session": "TherapySessionNode", "web_bridge": "WebBridgeNode", "sim_rig": "SimRigNode",
 }  # fmt: skip
-_TRIALS = ("demo", "therapy", "soak", "bench")
 PROGRAMS = {
     **{name: (f"nodes.{name}", node) for name, node in _NODES.items()},
-    **{name: (f"trials.{name}", name) for name in _TRIALS},
+    **{name: (f"trials.{name}", name) for name in ("demo", "therapy")},
     "bringup": ("nodes.bringup", "command"),
     "robot_description": ("nodes.robot_description", "command"),
     "module": ("nodes.module", "main"),

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session`: show, verify and recover recorded bags, and evaluate therapy sessions; without ROS."""
+"""`session`: show, verify and recover recorded bags; without ROS.
+
+The entry points of `GROUP` add further commands: of this package `therapy.cli`, which evaluates
+therapy sessions. Where a package is missing that they need, theirs alone are not there.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +11,27 @@ import argparse
 import io
 import os
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import NoReturn
 
+from .programs import missing
 from .recording.bag import BagError
 from .recording.decoded import calibrations
 from .recording.recover import recover
 from .recording.verify import Report, verify
-from .therapy.cli import add_commands
+
+GROUP = "screw_module_ros.session"
+"""Entry points: functions that add commands to what `add_subparsers` of `session` returned."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says to an unknown command which others are not there, and why."""
+
+    lacking = ""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(f"{message}{self.lacking}")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -37,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="session", description=__doc__)
+    parser = _Parser(prog="session", description="Show, verify, recover and evaluate recordings.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("info", _info, "topics, counts and the recorder's notes"),
@@ -55,7 +73,14 @@ def _parser() -> argparse.ArgumentParser:
         if run is _recover:
             text = "folder for NAME_recovered, by default the one that the bag is in"
             command.add_argument("--out", type=Path, help=text, metavar="FOLDER")
-    add_commands(commands)
+    for point in entry_points(group=GROUP):
+        try:
+            point.load()(commands)
+        except ImportError as error:
+            if not (sentence := missing(error)):
+                raise
+            parser.lacking += f"; without the commands of {point.name}: {sentence}"
+    parser.epilog = parser.lacking.removeprefix("; ") or None
     return parser
 
 

@@ -39,6 +39,16 @@ def test_an_unknown_program_is_an_unknown_attribute():
         _ = programs.nothing
 
 
+@pytest.mark.parametrize("name", ["bench", "soak"])
+def test_what_measures_from_a_checkout_is_no_program_but_a_target_of_make(name):
+    assert name not in PROGRAMS
+    file = f"tools/{name}.py"
+    assert f"@tools/run python {file} $(ARGS)" in (ROOT / "Makefile").read_text(encoding="utf-8")
+    words = [sys.executable, str(ROOT / file), "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"Usage: {name}")
+
+
 def _start(name: str, absent: str) -> subprocess.CompletedProcess:
     """Start a program in a Python in which a package cannot be imported."""
     code = (

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ratchet: no room of the package weighs more than `weights.txt` beside this file allows.
+"""The ratchet: no product and no room of it weighs more than `weights.txt` beside this file allows.
 
-A room's weight is the number of its statements, without docstrings. Whoever makes a room lighter
-lowers its figure (`python tools/ratchet.py --lower`); whoever raises one says why in the commit.
+A weight is the number of statements, without docstrings. Whoever makes a room lighter lowers its
+figure (`python tools/ratchet.py --lower`); whoever raises one says why in the commit. The products
+are in pyproject.toml, read by `products.py`.
 """
 
 from __future__ import annotations
@@ -12,17 +13,26 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parent.parent / "screw_module_ros"
+from products import PACKAGE, product_of, table
 
 WEIGHTS = Path(__file__).with_name("weights.txt")
 
 
 def weights(package: Path) -> Counter[str]:
-    """Return the statements of each room; files directly in the package are the room `.`."""
+    """Return the statements of each product, and of each room as `product/room`.
+
+    Files directly in the package are the room `.`. Raises ValueError for a file in no product.
+    """
     found: Counter[str] = Counter()
+    products = table()
     for file in sorted(package.rglob("*.py")):
-        room, *inner = file.relative_to(package).parts
-        found[room if inner else "."] += statements(file)
+        parts = file.relative_to(package).with_suffix("").parts
+        if parts == ("__init__",):
+            continue  # a docstring
+        product = product_of(".".join(parts).removesuffix(".__init__"), products)
+        weight = statements(file)
+        found[product] += weight
+        found[f"{product}/{parts[0] if parts[1:] else '.'}"] += weight
     return found
 
 
@@ -40,13 +50,13 @@ def _counts(node: ast.AST) -> bool:
 
 
 def allowed(text: str) -> dict[str, int]:
-    """Return the figures of `weights.txt`: a room and its statements in each line."""
+    """Return the figures of `weights.txt`: a product or room, and its statements, in each line."""
     lines = [line.split() for line in text.splitlines() if line and not line.startswith("#")]
     return {room: int(figure) for room, figure in lines}
 
 
 def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
-    """Return a sentence for each room that is heavier than allowed, or not in the list."""
+    """Return a sentence for each that is heavier than allowed, or not in the list."""
     return [
         f"{room} weighs {weight} statements, {limits.get(room, 0)} are allowed: make it lighter, "
         f"or raise the figure in tools/{WEIGHTS.name} and say why in the commit"
@@ -65,7 +75,7 @@ def main() -> int:
         WEIGHTS.write_text("\n".join([*head, *kept]) + "\n", encoding="utf-8")
         return 0
     heavy = too_heavy(found, limits)
-    print(*heavy or ["Ratchet: no room has become heavier."], sep="\n")
+    print(*heavy or ["Ratchet: no product and no room has become heavier."], sep="\n")
     return 1 if heavy else 0
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opens one CAN bus through python-can on any interface (parameters `can.*`).
 
-`rig` is a bus of the simulated rig: `rig_bus`, which python-can finds by its entry point. `virtual`
-works inside one process only (tests). Every other interface works by wall clock only; all but
-`udp_multicast` are hardware.
+`rig` is a bus of the simulated rig, `rig/rig_bus.py`, which python-can finds by its entry point.
+`virtual` works inside one process only (tests). Every other interface works by wall clock only; all
+but `udp_multicast` are hardware.
 """
 
 from __future__ import annotations

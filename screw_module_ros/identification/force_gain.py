@@ -19,9 +19,9 @@ from scipy import signal
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
+from ..offset import Spring, offsets
 from ..settings import Setting
 from .figures import COLOURS, CREDIT, DESIRED, panels
-from .force_metric import Spring, offsets
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import MotionTrial, Samples

@@ -23,10 +23,11 @@ from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
+from ..drawing import Trace, force_position
+from ..offset import Spring, offsets, spring_force
 from ..settings import Setting
 from . import friction_model, gravity, static_torque
-from .figures import COLOURS, DESIRED, Trace, axes_for, force_position
-from .force_metric import Spring, offsets, spring_force
+from .figures import COLOURS, DESIRED, axes_for
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import Arm, MotionTrial, Samples

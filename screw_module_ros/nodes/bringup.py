@@ -22,10 +22,9 @@ import click
 
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.domain import domain_id, end_without_domain
-from screw_module_ros.graph import BESIDE, Entry, chosen, table
+from screw_module_ros.graph import BESIDE, PATIENTS, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.parameter_files import above, unread_sections
-from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, by_kind
 from screw_module_ros.resources import resource_path
 
@@ -86,8 +85,8 @@ def plan(
     simulation: with the simulated rig. params: a file that replaces the packaged one. only,
     without: names of the table. extra: arguments for every node. composed: `module` replaces its
     four parts. wall_clock: the simulated rig runs in real time. devices: profiles of the devices,
-    by comma (`profiles.NAMES`, or paths). patient: who holds the simulated handle, a name of
-    `PATIENTS`.
+    by comma (`profiles.NAMES`, or paths). patient: who holds the simulated handle, one of
+    `graph.PATIENTS`.
 
     Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
     table, and for a patient who is unknown or has no simulated rig.
@@ -297,7 +296,7 @@ def _old_word(context: click.Context, option: click.Parameter, given: bool) -> N
     help="Makes of the devices, like epos4,sick_ahm36,ati_net (params/devices).",
 )
 @click.option(
-    "--patient", type=click.Choice(list(PATIENTS)),
+    "--patient", type=click.Choice(PATIENTS),
     help="Simulated patient who follows what the robot is asked for; else the arm stays in place.",
 )
 @click.option("--namespace", default="", help="For a second robot, like /second.")

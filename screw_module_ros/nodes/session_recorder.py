@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings
+from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.recording.recorder import (
     PARAMETERS,
     REFUSED,
@@ -34,7 +35,6 @@ from screw_module_ros.recording.recorder import (
 )
 from screw_module_ros.recording.recover import bag_names, unfinished
 from screw_module_ros.settings import Setting
-from screw_module_ros.therapy.pseudonym import checked_pseudonym
 
 from .recording_parameters import NodeParameters
 from .recording_topics import Taps

@@ -19,7 +19,6 @@ from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_bus, where, within
-from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.clock import WallClock
 from screw_module_ros.locks import lock_simulation
 from screw_module_ros.lockstep.clock import SimulatedClock
@@ -28,6 +27,7 @@ from screw_module_ros.lockstep.page import Page, alive
 from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
+from screw_module_ros.rig.rig_hub import RigHub
 from screw_module_ros.settings import Setting
 
 from .simulated_patient import SimulatedPatient

@@ -17,8 +17,8 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock
+from screw_module_ros.recording.pseudonym import PATTERN
 from screw_module_ros.settings import Setting
-from screw_module_ros.therapy.pseudonym import PATTERN
 
 from .support.inbox import Inbox
 from .support.topics import is_served, requested

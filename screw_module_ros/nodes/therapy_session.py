@@ -24,6 +24,7 @@ from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
+from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
@@ -35,7 +36,6 @@ from screw_module_ros.therapy.protocol_file import (
     protocol_text,
     sha256,
 )
-from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
 from screw_module_ros.therapy.wishes import WishLimits
 

@@ -17,8 +17,8 @@ from typing import Any
 
 from ..files import replace
 from ..recording.bag import BagError
+from ..recording.pseudonym import new_pseudonym, patient_folder
 from .measures import COLUMNS, MEASURES
-from .pseudonym import new_pseudonym, patient_folder
 from .recorded import Recorded, in_order, read_sessions, without_copies
 from .replay import replayed
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of the whole graph: demo, benchmark, soak, faults. A robot runs without them."""
+"""Trials of the whole graph: demo, therapy, and the robot in one thread. A robot needs none."""

@@ -26,9 +26,9 @@ from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import graph
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification import figures
-from screw_module_ros.identification.figures import Path3D, Trace
-from screw_module_ros.identification.force_metric import (
+from screw_module_ros.drawing import Path3D, Trace, force_position, path_views
+from screw_module_ros.figure_style import save
+from screw_module_ros.offset import (
     MOTION_THRESHOLD,
     Offsets,
     Spring,
@@ -333,10 +333,10 @@ def evaluated(
         for one, offset in zip(traces, found, strict=True)
     ]
     drawn = {
-        "force_position.png": with_held(figures.force_position(told, SPRING, title), still),
-        "path.png": figures.path_views(paths, "Path of the handle"),
+        "force_position.png": with_held(force_position(told, SPRING, title), still),
+        "path.png": path_views(paths, "Path of the handle"),
     }
-    files = [figures.save(figure, folder / name) for name, figure in drawn.items()]
+    files = [save(figure, folder / name) for name, figure in drawn.items()]
     results = Results(
         parts, traces, found, undamped, held, paths, timing(topics, whole), counts,
         bag if keep_bag else None, files, factor,

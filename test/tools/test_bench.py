@@ -14,11 +14,8 @@ from click.testing import CliRunner
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
 from rich.console import Console
 
-from screw_module_ros.clock import WallClock
-from screw_module_ros.resources import resource_path
-from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
-from screw_module_ros.trials import bench
-from screw_module_ros.trials.bench import (
+import bench
+from bench import (
     ALL,
     CALLS,
     COMPOSED,
@@ -44,6 +41,9 @@ from screw_module_ros.trials.bench import (
     switches,
     table,
 )
+from screw_module_ros.clock import WallClock
+from screw_module_ros.resources import resource_path
+from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
 
 BIN = BIN_NS * 1e-3  # us
 DEADLINE_S = 20.0

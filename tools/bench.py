@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
+"""`make bench`: how fast things run here, in tables and as JSON; medians of several runs.
 
 The graph against the simulated rig by wall clock, its vertical axis as separate processes and as
 `module`, at 1 and 2 kHz, on request with `web_bridge` and a page besides; the same in lock step,
@@ -45,18 +45,17 @@ from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import worker_pool
 from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
+from screw_module_ros.operator.bring_up import DRIVES, bring_up
+from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.safety.timing import histogram_of, quantile
-
-from ..operator.bring_up import DRIVES, bring_up
-from ..operator.robot import Robot, RobotError, arm
-from ..terminal import Console, FiniteRange, OutputFile
-from .demo import make_ready
-from .one_thread import PERIOD_NS, OneThreadRobot
-from .patient import Hand
-from .runner import GraphRun, command, own_place, recordings_in, running
-from .therapy import BRIDGE, bridge_words, token_file
+from screw_module_ros.terminal import Console, FiniteRange, OutputFile
+from screw_module_ros.trials.demo import make_ready
+from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
+from screw_module_ros.trials.patient import Hand
+from screw_module_ros.trials.runner import GraphRun, command, own_place, recordings_in, running
+from screw_module_ros.trials.therapy import BRIDGE, bridge_words, token_file
 
 SEPARATE, COMPOSED, LOOP, STEPS, CALLS = "separate", "composed", "loop", "steps", "calls"
 GRAPH = "graph"
@@ -627,3 +626,7 @@ def content_of(cases: Sequence[Case], measured: Measured, seconds: float) -> dic
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+if __name__ == "__main__":
+    bench()

@@ -13,13 +13,13 @@ from concurrent.futures import ThreadPoolExecutor
 import can
 import pytest
 
-from screw_module_ros.can_io import rig_bus
 from screw_module_ros.can_io.bus import BusSettings, open_port, within
-from screw_module_ros.can_io.rig_bus import WELCOME, RigBus, address
-from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.devices.errors import BusError
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.page import Page
+from screw_module_ros.rig import rig_bus
+from screw_module_ros.rig.rig_bus import WELCOME, RigBus, address
+from screw_module_ros.rig.rig_hub import RigHub
 
 FRAMES = [
     can.Message(arbitration_id=0x80, is_extended_id=False),

@@ -7,16 +7,17 @@ import json
 import math
 import os
 import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.recording.counts import Counts
 from screw_module_ros.recording.verify import Report
 from screw_module_ros.resources import resource_path
-from screw_module_ros.trials.soak import (
+from soak import (
     BOUNDS,
     Sample,
     content,
@@ -28,6 +29,7 @@ from screw_module_ros.trials.soak import (
 )
 
 MINUTES = 10
+SOAK = Path(__file__).parents[2] / "tools/soak.py"
 LEVELS = {"memory": 80.0, "handles": 40.0, "threads": 12.0, "shared": 9.0,
           "latency p50": 550.0, "latency p99": 900.0, "waiting": 20.0}  # fmt: skip
 
@@ -144,7 +146,7 @@ def test_a_session_runs_to_its_end_and_is_computed_again(tmp_path):
     (tmp_path / "protocols").mkdir()
     (tmp_path / "protocols" / "two.yaml").write_text(yaml.safe_dump(protocol))
     ended = subprocess.run(
-        [executable_path("soak"), "--protocol", "two.yaml", "--folder", str(tmp_path / "out")],
+        [sys.executable, str(SOAK), "--protocol", "two.yaml", "--folder", str(tmp_path / "out")],
         env={**os.environ, "HOME": str(tmp_path)}, check=False, capture_output=True, text=True,
         timeout=850,
     )  # fmt: skip

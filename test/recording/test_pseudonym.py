@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.files import replace
-from screw_module_ros.therapy.pseudonym import (
+from screw_module_ros.recording.pseudonym import (
     ALPHABET,
     PseudonymError,
     checked_pseudonym,

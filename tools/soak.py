@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`soak`: a long recorded run of the whole robot that checks for leaks and lost samples.
+"""`make soak`: a long recorded run of the whole robot that checks for leaks and lost samples.
 
 Every node runs as a process of its own against the simulated rig. The simulated patient moves and
 the mode changes periodically. Every few seconds the program samples the resources of each process
@@ -33,25 +33,24 @@ from scipy.stats import theilslopes
 from screw_module_msgs.msg import AmplifierState, TherapyState
 from screw_module_msgs.srv import StartTherapy
 
+from bench import PageReader, free_port
 from screw_module_ros.bridge.rights import ROLES, SUBSCRIBE
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
+from screw_module_ros.control.laws import names
 from screw_module_ros.figure_style import COLOURS, save
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.operator.bring_up import bring_up
+from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.recording.pseudonym import new_pseudonym
 from screw_module_ros.recording.verify import Report, verify
-
-from ..control.laws import names
-from ..nodes.support import topics
-from ..operator.bring_up import bring_up
-from ..operator.robot import Robot, RobotError, arm
-from ..terminal import Console, FiniteRange, output_option
-from ..therapy.pseudonym import new_pseudonym
-from ..therapy.recorded import read_sessions
-from ..therapy.replay import replayed
-from . import therapy
-from .bench import PageReader, free_port
-from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
-from .patient import Hand
-from .runner import GraphRun, command, new_folder, recordings_in, running
+from screw_module_ros.terminal import Console, FiniteRange, output_option
+from screw_module_ros.therapy.recorded import read_sessions
+from screw_module_ros.therapy.replay import replayed
+from screw_module_ros.trials import therapy
+from screw_module_ros.trials.demo import AMPLITUDE, OMEGA, SPRING, make_ready
+from screw_module_ros.trials.patient import Hand
+from screw_module_ros.trials.runner import GraphRun, command, new_folder, recordings_in, running
 
 WARM_UP_S = 60.0
 _SHARE_OF_WARM_UP = 0.2  # of a short run
@@ -482,3 +481,7 @@ def draw(samples: Sequence[Sample], file: Path) -> Path:
             axis.legend(ncols=2, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1].set_xlabel("time [min]")
     return save(figure, file)
+
+
+if __name__ == "__main__":
+    soak()

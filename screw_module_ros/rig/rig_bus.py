@@ -21,8 +21,8 @@ from typing import Any
 
 import can
 
+from ..can_io.frames import ERROR, EXTENDED, EXTENDED_ID, REMOTE, STANDARD_ID, Frame, word_of
 from ..domain import domain_id
-from .frames import ERROR, EXTENDED, EXTENDED_ID, REMOTE, STANDARD_ID, Frame, word_of
 
 WELCOME = b"\0"
 """The first packet to a new member: from now on it gets every frame."""
