@@ -30,7 +30,6 @@ from ..safety.checks import Stream, command_problem
 from ..safety.latch import Latch
 from ..safety.permit import CLOSED, Permit, PermitSettings
 from ..safety.timing import DeadlineMeter, empty_histogram, note_latency
-from .requests import Requests
 from .ticker import Tick
 
 _LONGEST_STEP = 5  # periods; longest dt of the rate limit (the permit checks the command's age)
@@ -78,7 +77,7 @@ class VerticalDrive:
     ):
         self.drive = drive
         recovery_s = drive.settings.enable_timeout
-        self.permit = Permit([drive], Requests(), permit, period_ns, recovery_s)
+        self.permit = Permit([drive], permit, period_ns, recovery_s)
         self.last = _NOTHING
         self.asked = 0.0
         self.skipped = 0

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..can_io.port import Port
-from ..clock import Clock
 from ..control.planar_settings import PlanarSettings
 from ..control.slot import SlotLimits
 from ..devices.drive import Drive
@@ -21,8 +20,10 @@ from ..devices.errors import DeviceError
 from ..safety.checks import FreezeSettings
 from ..safety.permit import PermitSettings
 from ..safety.timing import DeadlineMeter
+from . import gate
 from .plane_controller import NO_TORQUES, JointSettings, PlaneController, PlaneLimits
 from .plane_drives import PlaneDrives
+from .requests import Requests
 from .ticker import Tick, Ticker
 
 _FREEZE = FreezeSettings()
@@ -148,30 +149,28 @@ class Plane:
         controller.stop_when_silent(drives.permit.enabled, now_ns)
         drives.write(NO_TORQUES, controller.measured.stamp_ns, now_ns)
 
-    # Homing, for the loop's thread; then what any thread may call --------------------------------
+    # Between two ticks -------------------------------------------------------------------------
 
     def take_home(self, now_ns: int) -> str:
-        """Carry out a homing at now_ns [ns]; return why not, empty if done. Refused if enabled."""
+        """Home at the reference mark, at now_ns [ns]; return why not, empty if done."""
         if not self.drives.permit.at_rest(now_ns):
             return "the plane is enabled: disable it first"
         return self.controller.home(now_ns)
 
-    def home(self, clock: Clock) -> str:
-        """Have the loop home at the reference mark; return why not. clock: of the wait."""
-        return self.drives.permit.requests.ask(lambda: self.take_home(clock.now_ns()), clock)
+    # For services, which ask the loop ------------------------------------------------------------
 
-    def enable(self, clock: Clock) -> str:
-        """Enable both drives; return why not, empty if done. clock: see `Permit.enable`."""
+    def enable(self, requests: Requests) -> str:
+        """Enable both drives; return why not, empty if done. See `gate.enable`."""
         if not self.controller.homed:
             return "not homed: call ~/home first"
         if self._limits.force_required and not self.controller.force_seen:
             return "force sensor: no sample yet"
-        return self.drives.permit.enable(clock)
+        return gate.enable(self.drives.permit, requests)
 
-    def clear_fault(self, clock: Clock) -> str:
-        """Recover both drives; home again if one counts from elsewhere now. See `Permit`."""
+    def clear_fault(self, requests: Requests) -> str:
+        """Recover both drives; home again if one counts from elsewhere now. See `gate`."""
         elsewhere = self.drives.count_anew
-        problem = self.drives.permit.clear_fault(clock)
+        fault = gate.clear_fault(self.drives.permit, requests)
         if elsewhere:
-            self.controller.lose_homes()
-        return problem
+            requests.ask(self.controller.lose_homes)
+        return fault

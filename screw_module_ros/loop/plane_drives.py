@@ -17,7 +17,6 @@ from ..devices.drive import Drive
 from ..devices.drive_settings import DriveSettings
 from ..devices.errors import BusError
 from ..safety.permit import Permit, PermitSettings
-from .requests import Requests
 
 
 class Motor:
@@ -51,7 +50,7 @@ class PlaneDrives:
     ):
         """time_constant: of the motors' heating [s]."""
         self.permit = Permit(
-            drives, Requests(), permit, period_ns,
+            drives, permit, period_ns,
             max(drive.settings.enable_timeout for drive in drives),
         )  # fmt: skip
         shoulder, elbow = (Motor(drive.settings, time_constant) for drive in drives)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests of other threads that the loop's thread carries out, between two ticks.
+"""Requests of other threads that the loop's thread carries out, between two steps.
 
 State of motion, gate and devices changes nowhere else while a loop runs.
 """
@@ -9,44 +9,46 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from typing import TypeVar
 
 from ..clock import Clock
+from ..devices.errors import NotNow
 
 _ANSWER_S = 1.0
 
+Answer = TypeVar("Answer")
+
 
 class Requests:
-    """A queue of acts, each with its answer."""
+    """A queue of acts, each with its answer. clock: of who waits for an answer."""
 
-    def __init__(self) -> None:
-        self._asked: queue.SimpleQueue[tuple[Callable[[], Any], Future]] = queue.SimpleQueue()
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self._asked: queue.SimpleQueue[tuple[Callable[[], object], Future]] = queue.SimpleQueue()
 
-    def put(self, act: Callable[[], Any]) -> Future:
+    def put(self, act: Callable[[], Answer]) -> Future[Answer]:
         """Have the loop carry out an act; return its answer to be."""
-        answer: Future = Future()
+        answer: Future[Answer] = Future()
         self._asked.put((act, answer))
         return answer
 
-    def ask(self, act: Callable[[], Any], clock: Clock) -> Any:
-        """Have the loop carry out an act; return its answer, or a sentence why it cannot.
+    def ask(self, act: Callable[[], Answer]) -> Answer:
+        """Have the loop carry out an act; return its answer.
 
-        Raises what the act raises. What its caller takes for failed is not carried out later.
+        Raises what the act raises, and NotNow when no loop carries it out. What its caller takes
+        for failed is not carried out later.
         """
         answer = self.put(act)
         try:
-            clock.wait_for(answer.done, _ANSWER_S)
+            self.clock.wait_for(answer.done, _ANSWER_S)
         finally:
             too_late = answer.cancel()
-        return "the loop does not run: activate the node" if too_late else answer.result()
-
-    @property
-    def waiting(self) -> bool:
-        """Whether something has been asked for."""
-        return not self._asked.empty()
+        if too_late:
+            raise NotNow("the loop does not run: activate the node")
+        return answer.result()
 
     def serve(self) -> None:
-        """Carry out what has been asked for; for the loop's thread."""
+        """Carry out what has been asked for; the loop's thread calls it before each step."""
         while not self._asked.empty():
             act, answer = self._asked.get_nowait()
             if answer.set_running_or_notify_cancel():
@@ -54,3 +56,8 @@ class Requests:
                     answer.set_result(act())
                 except Exception as error:
                     answer.set_exception(error)
+
+    def discard(self) -> None:
+        """Carry out nothing of what has been asked for; before a start of the loop."""
+        while not self._asked.empty():
+            self._asked.get_nowait()[1].cancel()

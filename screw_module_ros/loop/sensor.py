@@ -10,7 +10,6 @@ from ..clock import Clock
 from ..devices.errors import DeviceError
 from ..safety.timing import empty_histogram, note_latency
 from ..samples import EncoderReading, ForceReading
-from .requests import Requests
 from .ticker import Tick
 
 Reading = TypeVar("Reading", bound=EncoderReading | ForceReading, covariant=True)
@@ -30,13 +29,12 @@ class PolledSensor(Generic[Reading]):
     """One sensor of the loop. The driver counts failures; the diagnostics show them.
 
     answers: histogram of the latencies from request to reading. skipped: ticks that an overrun
-    skipped. requests: of services, such as homing and taring.
+    skipped.
     """
 
     def __init__(self, device: PolledDevice[Reading], port: Port, clock: Clock):
         self.answers = empty_histogram()
         self.skipped = 0
-        self.requests = Requests()
         self._device, self._port, self._clock = device, port, clock
 
     def begin(self, tick: Tick) -> None:
@@ -58,7 +56,3 @@ class PolledSensor(Generic[Reading]):
             return None
         note_latency(self.answers, self._clock.now_ns() - reading.monotonic_ns)
         return reading
-
-    def end(self) -> None:
-        """Carry out what services have asked for."""
-        self.requests.serve()

@@ -116,9 +116,6 @@ class VerticalLoop:
         if force_sensor and force is None:
             # For the topic, and for the next step of the law.
             self._take_late_force(force_sensor, controller, due_ns)
-        for sensor in (encoder, force_sensor):
-            if sensor:
-                sensor.end()
 
     def _one_sample(self, controller: VerticalController) -> None:
         sample, force = self._received()

@@ -63,9 +63,7 @@ class EncoderNode(SensorNode):
             device.clear_fault()  # takes seconds: the drive may have been enabled meanwhile
             self._torque_off.check("would pull to another place")
         try:
-            return self.part.requests.ask(
-                lambda: Done(f"homed at {device.home():g} m"), self.clock
-            )
+            return self.requests.ask(lambda: Done(f"homed at {device.home():g} m"))
         except NotNow as error:
             if cleared and not device.fault:
                 raise NotNow(f"the fault is cleared; {error}") from None

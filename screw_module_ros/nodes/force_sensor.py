@@ -104,8 +104,8 @@ class ForceSensorNode(SensorNode):
         readings = self._next_readings(device.settings.tare_samples)
         self._torque_off.check(_JUMPS)  # somebody may have enabled meanwhile
         try:
-            return self.part.requests.ask(
-                lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}"), self.clock
+            return self.requests.ask(
+                lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}")
             )
         except NotNow as error:
             if cleared and not device.fault:
@@ -122,8 +122,8 @@ class ForceSensorNode(SensorNode):
     def _untare(self, request: Trigger.Request) -> str:
         self._torque_off.check(_JUMPS)
         device = self.device
-        return self.part.requests.ask(
-            lambda: Done(f"back to removing {_bias_text(device.untare())}"), self.clock
+        return self.requests.ask(
+            lambda: Done(f"back to removing {_bias_text(device.untare())}")
         )
 
     def health(self) -> Health:

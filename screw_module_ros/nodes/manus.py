@@ -198,14 +198,14 @@ class ManusNode(DriveNode):
 
     def enable(self) -> str:
         """Enable both drives; return why not, empty if done. Refused while not homed."""
-        return self._senders.count() or self._plane.enable(self.clock)
+        return self._senders.count() or self._plane.enable(self.requests)
 
     def clear_fault(self) -> str:
         """Recover; a drive that restarted must be homed again."""
-        return self._plane.clear_fault(self.clock)
+        return self._plane.clear_fault(self.requests)
 
     def _home(self, request: Trigger.Request) -> str:
-        return self._plane.home(self.clock)
+        return self.requests.ask(lambda: self._plane.take_home(self.clock.now_ns()))
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""

@@ -13,7 +13,6 @@ A therapist's page publishes `therapy/attendance`; a session that has received i
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from datetime import datetime
 from itertools import islice
@@ -29,6 +28,7 @@ from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
 from screw_module_ros.therapy.line import SlotWish
+from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     AssistanceLimits,
@@ -66,7 +66,7 @@ class TherapySettings(NamedTuple):
 
 
 class TherapySessionNode(Node):
-    """The loop's thread takes samples; services change the session, under one lock."""
+    """The loop's thread owns the session; services ask it to start and change it (`requests`)."""
 
     def __init__(self) -> None:
         super().__init__("therapy_session")
@@ -74,7 +74,6 @@ class TherapySessionNode(Node):
             TherapySettings, wish=WishLimits, assistance=AssistanceLimits,
             attendance=AttendanceSettings, recorder=RecorderSettings,
         )  # fmt: skip
-        self._lock = threading.Lock()
         self._session: Session | None = None
         self._sent: tuple[State, str, Any] | None = None  # state, reason and phase
         self._wish: SlotWish | None = None
@@ -84,9 +83,9 @@ class TherapySessionNode(Node):
         self._attendance = Attendance()
         self._recording = SessionRecording(self, self.clock)
         self.serve(StartTherapy, "~/start", self._start)
-        self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
-        self.serve(Trigger, "~/resume", self._resume)
-        self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
+        self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
+        self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
+        self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
 
     def connect(self) -> None:
         """Make the topics."""
@@ -113,30 +112,28 @@ class TherapySessionNode(Node):
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
         if kind is WishLimits and self.active:
-            with self._lock:
-                self._wishes.limit(self.parameters.read(WishLimits, "wish"))
+            limits = self.parameters.read(WishLimits, "wish")
+            self.requests.put(lambda: self._wishes.limit(limits))
 
     def end(self) -> None:
         """End a running session, so that the slot fades out, its recording, and a game's pull."""
-        with self._lock:
-            now_ns = self.clock.now_ns()
-            if self._session is not None:
-                self._change(self._session, self._session.abort, "the node was stopped")
-                self._send(now_ns)
-            self._recording.close()
-            self._relay_wishes(now_ns, ends=True)
+        now_ns = self.clock.now_ns()
+        if self._session is not None:
+            self._change(self._session, self._session.abort, "the node was stopped")
+            self._send(now_ns)
+        self._recording.close()
+        self._relay_wishes(now_ns, ends=True)
 
     def step(self) -> None:
         """Process new messages; renew slot and state."""
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
-        with self._lock:
-            now_ns = self.clock.now_ns()
-            for message in islice(iter(self._take, None), topics.EACH_STATE.depth):
-                self._take_sample(message, now_ns)
-            self._watch(now_ns)
-            self._follow_recorder(now_ns)
-            self._relay_wishes(now_ns)
-            self._send(now_ns)
+        now_ns = self.clock.now_ns()
+        for message in islice(iter(self._take, None), topics.EACH_STATE.depth):
+            self._take_sample(message, now_ns)
+        self._watch(now_ns)
+        self._follow_recorder(now_ns)
+        self._relay_wishes(now_ns)
+        self._send(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
         session, self._sampled_ns = self._session, now_ns
@@ -243,24 +240,31 @@ class TherapySessionNode(Node):
             protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
             self.parameters.read(WishLimits, "wish"),
         )  # fmt: skip
-        with self._lock:
-            if self._session is not None and self._session.state in UNDER_WAY:
-                return f"a session of {self._patient} is {self._session.state.word}: end it first"
-            if self._sample is None:
-                return "no endpoint_state has come yet"
-            now_ns = self.clock.now_ns()
-            if hindrance := self._recording.hindrance(patient, request.record, now_ns):
-                return hindrance
-            self._attendance.begin(request.attended, now_ns)
-            self._patient, self._definition = patient, definition
-            self._state.definition_sha256 = sha256(definition)
-            self._session = Session(protocol, _WAITS if request.record else "")
-            self._sent = self._wish = None
-            self._state.state_since = self._sample.sequence
-            if request.record:
-                date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
-                self._recording.ask(f"{patient}_{protocol.name}_{date}")
-            self._wishes.begin(self.parameters.read(WishLimits, "wish"))
+        return self.requests.ask(
+            lambda: self._begin_session(protocol, definition, patient, request)
+        )
+
+    def _begin_session(
+        self, protocol: Protocol, definition: str, patient: str, request: StartTherapy.Request
+    ) -> str:
+        """Begin a session, or ask for its recording first; return why not, empty if done."""
+        if self._session is not None and self._session.state in UNDER_WAY:
+            return f"a session of {self._patient} is {self._session.state.word}: end it first"
+        if self._sample is None:
+            return "no endpoint_state has come yet"
+        now_ns = self.clock.now_ns()
+        if hindrance := self._recording.hindrance(patient, request.record, now_ns):
+            return hindrance
+        self._attendance.begin(request.attended, now_ns)
+        self._patient, self._definition = patient, definition
+        self._state.definition_sha256 = sha256(definition)
+        self._session = Session(protocol, _WAITS if request.record else "")
+        self._sent = self._wish = None
+        self._state.state_since = self._sample.sequence
+        if request.record:
+            date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
+            self._recording.ask(f"{patient}_{protocol.name}_{date}")
+        self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""
 
     def _named(self, protocol: str) -> str:
@@ -270,20 +274,24 @@ class TherapySessionNode(Node):
         root = root_folder(self.parameters.read(TherapySettings).folder)
         return str(below(root, protocol, "protocol"))
 
-    def _act(self, name: str, *reason: str) -> str:
-        with self._lock:
-            session = self._session
-            if session is None:
-                return "no session has been started"
-            changed = self._change(session, getattr(session, name), *reason)
-            return "" if changed else f"the session is {session.state.word}"
+    def _pause(self) -> str:
+        return self._act("pause", "the therapist paused it")
 
-    def _resume(self, request: Trigger.Request) -> str:
+    def _abort(self) -> str:
+        return self._act("abort", "the therapist ended it")
+
+    def _resume(self) -> str:
         if self._recording.waits:
             return _WAITS
-        with self._lock:
-            self._attendance.resume(self.clock.now_ns())
+        self._attendance.resume(self.clock.now_ns())
         return self._act("resume")
+
+    def _act(self, name: str, *reason: str) -> str:
+        session = self._session
+        if session is None:
+            return "no session has been started"
+        changed = self._change(session, getattr(session, name), *reason)
+        return "" if changed else f"the session is {session.state.word}"
 
     def health(self) -> Health:
         """Report the progress of the session."""

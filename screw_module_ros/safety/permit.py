@@ -3,20 +3,20 @@
 
 ::
 
-              open (service)            every drive in operation enabled
+              open (asked for)          every drive in operation enabled
     CLOSED ------------------> OPENING ---------------------------------> OPEN: torque ramps in
        ^                          |                                        |
        +--------------------------+-------- a guard, or close -------------+
 
-Only another `enable` opens it again. A guard that latches needs `clear_fault` before that. The
-loop's thread calls `step` before each write; other threads call `enable`, `disable`, `clear_fault`,
-whose requests the loop carries out, so that gate and drives change only between two writes.
+Only another `open` opens it again. A guard that latches needs `clear` before that. One thread calls
+`step` before each write, and `open`, `close` and `clear` between two steps, as `loop/gate.py` asks
+it to for services; any thread may read the properties.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 from ..settings import Setting
 from .latch import Age, Latch
@@ -30,10 +30,8 @@ NOT_ENABLED = "not enabled"
 STARTING = "the drive is on its way to operation enabled"
 
 LONGEST_STEP_NS = 20_000_000  # a longer pause counts as this one in the ramp
-_ANSWER_S = 1.0
-_REFUSAL_HOLD_NS = 200_000_000
-_PERMISSION_NS = _REFUSAL_HOLD_NS + 100_000_000
-_ASK_AGAIN_S = 0.005
+REFUSAL_HOLD_NS = 200_000_000
+"""For so long a refusal holds, whatever another sender says meanwhile [ns]."""
 
 
 class PermitSettings(NamedTuple):
@@ -84,19 +82,6 @@ class Switch(Protocol):
         """Begin to recover from a fault."""
 
 
-class Queue(Protocol):
-    """Requests of other threads: `loop.requests.Requests`."""
-
-    def put(self, act: Callable[[], Any]) -> Any:
-        """Have the loop carry out an act."""
-
-    def ask(self, act: Callable[[], str], clock: Any) -> str:
-        """Have the loop carry out an act and wait for its answer."""
-
-    def serve(self) -> None:
-        """Carry out what has been asked for; the loop's thread calls it."""
-
-
 class Moment(NamedTuple):
     """What is known at now_ns [ns]. on: every drive is; drive_fault: of the first faulty one."""
 
@@ -110,15 +95,14 @@ class Permit:
 
     period_ns: between commands. recovery_s: longest time that a drive's recovery takes [s]. fault:
     the owner's own reason to stop. phase, scale: the gate, and its factor on the torque, 0 to 1.
-    latched: `clear_fault` is needed before `enable`.
+    latched: `clear` is needed before `open`.
     """
 
     def __init__(
-        self, drives: Sequence[Switch], requests: Queue, settings: PermitSettings, period_ns: int,
+        self, drives: Sequence[Switch], settings: PermitSettings, period_ns: int,
         recovery_s: float = 1.0,
     ):  # fmt: skip
         self.drives = tuple(drives)
-        self.requests = requests
         self.fault = Latch()
         self.phase = CLOSED
         self.scale = 0.0
@@ -126,15 +110,13 @@ class Permit:
         self.command = Age(settings.command_periods * period_ns, period_ns)
         self.safety = Age(settings.safety_timeout * 1e9, period_ns)
         self.settings = settings
-        self._recovery_s = recovery_s
+        self.recovery_s = recovery_s
         self._closed_because = NOT_ENABLED
         self._permitted = False
         self._refused_ns: int | None = None
         self._refusal = ""
         self._moment = Moment(0, False, "")
         self._since_ns = self._last_ns = 0
-
-    # -- loop's thread ---------------------------------------------------------------------------
 
     def supervise(self, permitted: bool, reason: str, now_ns: int) -> None:
         """Process a safety_state that arrived at now_ns [ns]; reason: why not permitted.
@@ -143,7 +125,7 @@ class Permit:
         """
         if not permitted:
             self._refused_ns, self._refusal = now_ns, reason
-        self._permitted = self._refused_ns is None or now_ns - self._refused_ns > _REFUSAL_HOLD_NS
+        self._permitted = self._refused_ns is None or now_ns - self._refused_ns > REFUSAL_HOLD_NS
         self.safety.note(now_ns)
 
     def missed(self, in_a_row: int, limit: int) -> None:
@@ -158,7 +140,6 @@ class Permit:
         """
         self.command.note(command_ns)
         self._moment = self._look(now_ns)
-        self.requests.serve()
         if self.phase != CLOSED:
             against, guard = self._against()
             if guard:
@@ -180,10 +161,7 @@ class Permit:
 
     def _look(self, now_ns: int) -> Moment:
         on = all(drive.is_on(now_ns) for drive in self.drives)
-        return Moment(now_ns, on, self._drive_fault())
-
-    def _drive_fault(self) -> str:
-        return next((drive.fault for drive in self.drives if drive.fault), "")
+        return Moment(now_ns, on, self.drive_fault)
 
     def _against(self) -> tuple[str, Guard | None]:
         """Return the first guard that does not hold, and its reason."""
@@ -201,15 +179,17 @@ class Permit:
         for drive in self.drives:
             drive.request_disable()
 
-    # What the loop carries out for other threads; each returns the problem, empty when done.
+    def open(self, now_ns: int) -> str:
+        """Begin to open at now_ns [ns]: every drive is asked to enable, or none.
 
-    def apply_enable(self) -> str:
-        """Begin to open: every drive is asked to enable, or none."""
+        Return why not, empty if it begins or has begun.
+        """
         if self.phase != CLOSED:
             return ""
+        self._moment = self._look(now_ns)
         if self.latched and not (self.fault.reason or self._moment.drive_fault):
             return f"{self._closed_because} is latched: call ~/clear_fault first"
-        self.phase, self._since_ns = OPENING, self._moment.now_ns
+        self.phase, self._since_ns = OPENING, now_ns
         refused, _ = self._against()
         refused = refused or next(filter(None, (drive.refusal() for drive in self.drives)), "")
         if refused:
@@ -220,20 +200,28 @@ class Permit:
             drive.request_enable()
         return ""
 
-    def apply_disable(self) -> str:
-        """Close on request."""
-        self.close()
-        return ""
+    def clear(self, known: str) -> str:
+        """Clear what is latched, and the fault `known`; return another fault, empty if none.
 
-    def apply_clear(self, known: str) -> str:
-        """Clear what is latched, and the fault `known`; the gate stays closed."""
+        The gate stays closed.
+        """
         if self.phase != CLOSED or self.fault.reason != known:
             return self.fault.reason  # it has come just now
         self.fault.clear()
         self.latched, self._closed_because = False, NOT_ENABLED
         return ""
 
-    # -- any thread ------------------------------------------------------------------------------
+    # What any thread may read -----------------------------------------------------------------
+
+    @property
+    def unsettled(self) -> bool:
+        """Whether a refusal may be over in a moment: permission or disabling are on their way."""
+        return not self._permitted or any(drive.leaving for drive in self.drives)
+
+    @property
+    def drive_fault(self) -> str:
+        """The fault of the first faulty drive, empty if none."""
+        return next((drive.fault for drive in self.drives if drive.fault), "")
 
     @property
     def enabled(self) -> bool:
@@ -247,60 +235,13 @@ class Permit:
     @property
     def faulted(self) -> bool:
         """Whether a fault is latched; `clear_fault` clears it."""
-        return self.latched or bool(self.fault.reason or self._drive_fault())
+        return self.latched or bool(self.fault.reason or self.drive_fault)
 
     @property
     def reason(self) -> str:
         """Why no torque passes, empty while it does."""
-        fault = self.fault.reason or self._drive_fault()
+        fault = self.fault.reason or self.drive_fault
         return fault or ("" if self.phase == OPEN else self._closed_because)
-
-    def enable(self, clock: Any) -> str:
-        """Enable and wait until torque passes; return why it does not, empty when it does.
-
-        clock: of the wait. A permission, or the end of a disabling, may still be on its way: these
-        do not refuse at once. Raises TimeStandsStill; then the drives do not become enabled later
-        either.
-        """
-        answered = False
-        try:
-            refused = self._ask_to_open(clock)
-            if not refused:
-                longest_s = self.settings.drive_timeout + _ANSWER_S
-                clock.wait_for(lambda: self.phase != OPENING, longest_s)
-            answered = True
-        finally:
-            if not answered:
-                self.requests.put(self.apply_disable)
-        return refused or self.reason
-
-    def _ask_to_open(self, clock: Any) -> str:
-        deadline_ns = clock.now_ns() + _PERMISSION_NS
-        while True:
-            # Read before the request: it may come in between.
-            lacking = not self._permitted or any(drive.leaving for drive in self.drives)
-            refused = self.requests.ask(self.apply_enable, clock)
-            if not refused or not lacking or clock.now_ns() > deadline_ns:
-                return refused
-            clock.sleep(_ASK_AGAIN_S)
-
-    def disable(self, clock: Any) -> str:
-        """Disable; return the problem, empty when done."""
-        return self.requests.ask(self.apply_disable, clock)
-
-    def clear_fault(self, clock: Any) -> str:
-        """Recover the drives, up to switched on at most; return the remaining fault, empty if none.
-
-        Raises DeviceError when a restarted drive cannot be configured again.
-        """
-        known = self.fault.reason
-        for drive in self.drives:
-            if drive.fault:
-                drive.clear_fault()
-        clock.wait_for(
-            lambda: not any(drive.recovering for drive in self.drives), self._recovery_s + _ANSWER_S
-        )
-        return self._drive_fault() or self.requests.ask(lambda: self.apply_clear(known), clock)
 
 
 class Guard(NamedTuple):

@@ -11,7 +11,7 @@ import threading
 import uuid
 from collections import deque
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import can
 from can.interfaces.virtual import VirtualBus
@@ -19,7 +19,7 @@ from can.interfaces.virtual import VirtualBus
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import Clock, ManualClock, PlainArrivals
+from screw_module_ros.clock import ManualClock, PlainArrivals
 from screw_module_ros.control.law import Law
 from screw_module_ros.control.laws import LAWS, flaw
 from screw_module_ros.control.linearization import default_linearization
@@ -36,10 +36,12 @@ from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
+from screw_module_ros.loop import gate
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, WorldSettings, load_world
@@ -63,6 +65,8 @@ BUSES = ("encoder", "drive", "force_sensor", "planar")
 _POLL_TICKS = 100  # between two looks at what the drive has to be asked for
 _COMMAND_DELAY_NS = 250_000
 _START_NS = 1_000_000_000_000
+
+Answer = TypeVar("Answer")
 
 
 class BenchClock(ManualClock):
@@ -106,10 +110,11 @@ class BenchClock(ManualClock):
             self._turn.wait_for(lambda: ended or (self._due_ns or 0) > self.time_ns)
             self._may_go_on = bool(ended)
 
-    def end(self, ended: list, answer: str) -> None:
-        """Note the answer of the other thread."""
+    def run(self, work: Callable[[], object], ended: list) -> None:
+        """Do the other thread's work, and note in `ended` that it is done."""
+        work()
         with self._turn:
-            ended.append(answer)
+            ended.append(True)
             self._turn.notify_all()
 
     def arrivals(self, frames: Any) -> Served:
@@ -207,6 +212,7 @@ class OneThreadRobot:
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
         self.world = World(world or load_world(), seed)
         self.clock = BenchClock()
+        self.requests = Requests(self.clock)
         settings = RigSettings(
             command_latency=_COMMAND_DELAY_NS * 1e-9,
             drive_profile=drive_profile,
@@ -322,35 +328,45 @@ class OneThreadRobot:
 
     def enable(self) -> str:
         """Enable the vertical axis; return why not."""
-        return self._asking(self.axis.permit.enable)
+        return self.served(lambda: gate.enable(self.axis.permit, self.requests))
 
     def disable(self) -> str:
         """Disable the vertical axis; return why not."""
-        return self._asking(self.axis.permit.disable)
+        self.served(lambda: gate.disable(self.axis.permit, self.requests))
+        return ""
 
     def enable_plane(self) -> str:
         """Enable the planar axes; return why not."""
-        return self._asking(self.plane.enable)
+        return self.served(lambda: self.plane.enable(self.requests))
 
     def clear_fault(self) -> str:
         """Clear the vertical axis's faults; return what is left."""
-        return self._asking(self.axis.permit.clear_fault)
+        return self.served(lambda: gate.clear_fault(self.axis.permit, self.requests))
 
-    def _asking(self, ask: Callable[[Clock], str]) -> str:
-        """Run a service in a thread while the loop ticks, as in the node."""
-        answer: list[str] = []
+    def clear_plane_fault(self) -> str:
+        """Clear the planar axes' faults; return what is left."""
+        return self.served(lambda: self.plane.clear_fault(self.requests))
+
+    def served(self, act: Callable[[], Answer]) -> Answer:
+        """Return what an act returns that runs in a thread while the loop ticks, as services do.
+
+        Raises what the act raises.
+        """
+        ended: list[bool] = []
+        asked = Requests(self.clock)
+        answer = asked.put(act)
         thread = threading.Thread(
-            target=lambda: self.clock.end(answer, ask(self.clock)), daemon=True
+            target=self.clock.run, args=(asked.serve, ended), daemon=True
         )  # a failing test must end
         for port in self.ports.values():
             port.pump()  # as loops do that tick: else the thread reads itself, and they wait for it
         thread.start()
-        self.clock.settle(answer)
-        while not answer:
+        self.clock.settle(ended)
+        while not ended:
             self.tick()
-            self.clock.settle(answer)
+            self.clock.settle(ended)
         thread.join()
-        return answer[0]
+        return answer.result()
 
     # Running -------------------------------------------------------------------------------
 
@@ -367,12 +383,7 @@ class OneThreadRobot:
 
     def poll_slow(self) -> None:
         """Ask the vertical drive for what it does not report by itself, as its node does."""
-
-        def ask(_clock: Clock) -> str:
-            self.drive.poll_slow()
-            return ""
-
-        self._asking(ask)
+        self.served(self.drive.poll_slow)
 
     def seconds(self, duration: float) -> list[Row]:
         """Run for `duration` [s] of simulated time; return the rows."""
@@ -386,6 +397,7 @@ class OneThreadRobot:
         self.controller.wanted.ask(self.setpoint[:1], self.setpoint[1:], now)
         self.plane.controller.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
         self._sample = None
+        self.requests.serve()
         commanded = self.parts if self.commanding else self.parts._replace(controller=None)
         self.vertical.step(commanded)
         self.plane.step()

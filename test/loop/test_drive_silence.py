@@ -115,7 +115,7 @@ def test_clear_fault_configures_a_drive_that_restarted_unheard_anew(enabled, how
     cable(enabled, "drive", "reset")
     enabled.seconds(0.3)
     with pytest.raises(NotAnswering):
-        enabled.axis.permit.clear_fault(enabled.clock)
+        enabled.clear_fault()
     assert enabled.enable() != "", "while it cannot be reached it stays off"
     cable(enabled, "drive", "clear")
     assert not watches_our_heartbeat(enabled)

@@ -153,7 +153,7 @@ def test_an_opening_that_nobody_has_prepared_fits_no_laws_command(left):
 def limited(bench, torque):
     """Tell the drive another limit as the node does, while the loop ticks; return what it has."""
     sdo = bench.drive.sdo
-    return bench._asking(lambda clock: bench.drive.limit(torque) or sdo.unsigned(0x6072))
+    return bench.served(lambda: bench.drive.limit(torque) or sdo.unsigned(0x6072))
 
 
 def test_the_drive_s_own_limit_follows(bench):

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.clock import ManualClock, TimeStandsStill
-from screw_module_ros.devices.errors import BusError
+from screw_module_ros.devices.errors import BusError, NotNow
+from screw_module_ros.loop import gate
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.safety.permit import CLOSED, STARTING, Permit, PermitSettings
@@ -28,7 +29,7 @@ def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
     """Asked for while enabled, as for another node: the loop finds both in one tick."""
     permit = enabled.axis.permit
     permit.fault.set("20 deadlines missed in a row")
-    permit.requests.put(lambda: permit.apply_clear(permit.fault.reason))
+    enabled.requests.put(lambda: permit.clear(permit.fault.reason))
     enabled.ticks(5)
     assert not enabled.torque_passes
     assert permit.faulted and permit.reason == "20 deadlines missed in a row"
@@ -44,7 +45,7 @@ def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
     enabled.permitted = True
     enabled.ticks(400)
     enabled.rig.inject("drive", "refuse_enable", 0.0, 0.0, enabled.now_ns)
-    permit.requests.put(permit.apply_enable)
+    assert permit.open(enabled.now_ns) == ""
     enabled.ticks(5)
     assert permit.reason == STARTING
 
@@ -76,9 +77,9 @@ def test_a_controller_may_be_activated_anew_while_no_torque_passes(enabled):
 class StoppedClock(ManualClock):
     """Simulated time that stands still, in the second wait or at once."""
 
-    def __init__(self, waits: int, tick):
-        super().__init__()
-        self.waits, self.tick = waits, tick
+    def __init__(self, waits: int, bench):
+        super().__init__(bench.now_ns)
+        self.waits, self.tick = waits, bench.tick
 
     def wait_for(self, condition, seconds):
         if not self.waits:
@@ -90,25 +91,29 @@ class StoppedClock(ManualClock):
 
 
 @pytest.mark.parametrize("waits", [0, 1])
-def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(bench, waits):
+def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(
+    bench, waits, monkeypatch
+):
     """The rig stops while somebody enables, and goes on after he was told that it failed."""
     permit = bench.axis.permit
-    with pytest.raises(TimeStandsStill):
-        permit.enable(StoppedClock(waits, bench.tick))
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.requests, "clock", StoppedClock(waits, bench))
+        with pytest.raises(TimeStandsStill):
+            gate.enable(permit, bench.requests)
     bench.ticks(200)
     assert not bench.torque_passes and permit.phase == CLOSED
     assert bench.enable() == ""
 
 
 def test_without_a_supervisor_enabling_is_not_refused_in_its_name():
-    permit = Permit([], Requests(), PermitSettings(), MS)
+    permit = Permit([], PermitSettings(), MS)
 
     def refusal(now_ns: int) -> str:
         """Return what `~/enable` says with fresh commands."""
-        answer = permit.requests.put(permit.apply_enable)
         permit.step(now_ns, now_ns)
+        refused = permit.open(now_ns)
         permit.close()
-        return answer.result(timeout=0.0)
+        return refused
 
     assert refusal(MS) == "no fresh safety_state", "it has never said anything"
     permit.supervise(False, "encoder: not seen yet", 2 * MS)
@@ -147,7 +152,7 @@ def test_disabled_in_motion_it_coasts_whatever_its_option_code_says(enabled, opt
 
 
 def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
-    requests = Requests()
+    requests = Requests(ManualClock(MS))
     failing, later = requests.put(lambda: 1 / 0), requests.put(lambda: "done")
     requests.serve()
     with pytest.raises(ZeroDivisionError):
@@ -156,11 +161,19 @@ def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
 
 
 def test_an_act_that_no_loop_carries_out_is_refused_and_not_done_later():
-    requests, acts = Requests(), []
-    said = requests.ask(lambda: acts.append("enabled"), ManualClock(MS))
-    assert said == "the loop does not run: activate the node"
+    requests, acts = Requests(ManualClock(MS)), []
+    with pytest.raises(NotNow, match="the loop does not run: activate the node"):
+        requests.ask(lambda: acts.append("enabled"))
     requests.serve()
     assert acts == []
+
+
+def test_what_was_asked_for_before_a_start_of_the_loop_is_not_carried_out_after_it():
+    requests, acts = Requests(ManualClock(MS)), []
+    answer = requests.put(lambda: acts.append("disabled"))
+    requests.discard()
+    requests.serve()
+    assert acts == [] and answer.cancelled()
 
 
 @pytest.mark.parametrize("first", ["", "20 deadlines missed in a row"])

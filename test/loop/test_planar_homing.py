@@ -87,7 +87,7 @@ def test_a_jump_costs_the_home_position(bench, plane):
     bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
     bench.ticks(200)
     assert not plane.controller.homed
-    assert bench._asking(plane.clear_fault) == ""
+    assert bench.clear_plane_fault() == ""
     assert "not homed" in bench.enable_plane()
     bench.ticks(2000)
     assert homed_and_enabled(bench)
@@ -110,7 +110,7 @@ def test_after_a_foreign_sdo_client_the_plane_must_be_homed_again(bench, node_id
         bench.ticks(5)
         drives = bench.plane.drives.permit.drives
         assert any("another SDO client" in drive.fault for drive in drives)
-        assert bench._asking(bench.plane.clear_fault) == ""
+        assert bench.clear_plane_fault() == ""
     assert not bench.plane.controller.homed
     assert "not homed" in bench.enable_plane()
     bench.ticks(50)

@@ -124,13 +124,7 @@ class Station:
             (drives[0], drives[1]), self.wire.port, round(PERIOD_MS * MS), law, JointSettings(),
             PermitSettings(),
         )  # fmt: skip
-        self.plane.drives.permit.requests.ask = self._ask
         self.number = 0
-
-    def _ask(self, action, _clock=None) -> str:
-        answer = self.plane.drives.permit.requests.put(action)
-        self.tick()
-        return answer.result(timeout=0.0)
 
     def tick(self) -> None:
         """One period: the encoders show where the handle stands, the sensor what the hand does."""
@@ -172,7 +166,7 @@ class Station:
         assert self.plane.take_home(self.wire.now_ns) == ""
 
     def enable(self) -> None:
-        assert self._ask(self.plane.drives.permit.apply_enable) == ""
+        assert self.plane.drives.permit.open(self.wire.now_ns) == ""
         self.ticks(400)  # gate and law fade in
         assert self.plane.drives.permit.enabled
 

@@ -171,7 +171,7 @@ def apart_run():
         bench.controller.mode = 2
         apart, rig = Apart(bench), bench.rig
         apart.rounds(20)
-        bench.axis.permit.requests.put(bench.axis.permit.apply_enable)
+        assert bench.axis.permit.open(bench.now_ns) == ""
         apart.rounds(150)
         yield "work", apart.digest()
         for device, fault, size in (
@@ -223,7 +223,7 @@ def fault_run(device: str, fault: str, size: float):
             yield name, _digest(bench, begin)
             begin = len(bench.rows)
         bench.encoder.clear_fault()
-        answers = bench.clear_fault(), bench._asking(bench.plane.clear_fault)
+        answers = bench.clear_fault(), bench.clear_plane_fault()
         bench.controller.reset(bench.now_ns)
         _until(bench, begin + 400)
         answers += bench.enable(), bench.enable_plane()

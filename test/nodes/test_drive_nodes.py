@@ -18,7 +18,6 @@ from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotAnswering, Refused
 from screw_module_ros.geometry import Screw
-from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import drives, topics
 from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.nodes.support.topics import too_many_senders
@@ -131,7 +130,7 @@ def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind
     node = make_node(name)
     node.follow(node.new_inbox(), VERTICAL, alone=topic)
     node._permission = SimpleNamespace(pass_on=lambda permit, now_ns: None)
-    permit = Permit([], Requests(), PermitSettings(), MS)
+    permit = Permit([], PermitSettings(), MS)
     publish(node, kind, topic, 2)
     node._senders.count()
     node.permission(permit, MS)
@@ -148,11 +147,10 @@ def refused(field: str, safety: SafetyState) -> str:
     waiting = [safety]
     inbox = SimpleNamespace(subscribe=lambda *_: lambda: waiting.pop() if waiting else None)
     node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
-    permit = Permit([], Requests(), PermitSettings(), MS)
+    permit = Permit([], PermitSettings(), MS)
     Permission(node, inbox, field).pass_on(permit, MS)
-    answer = permit.requests.put(permit.apply_enable)
     permit.step(MS, MS)
-    return answer.result(timeout=0.0)
+    return permit.open(MS)
 
 
 @pytest.mark.parametrize(

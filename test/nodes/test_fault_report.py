@@ -81,8 +81,11 @@ def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, sha
     node = make_node("manus")
     drive = SimpleNamespace(state=lambda now_ns: SimpleNamespace(text="on"), counters={})
     node._state, node._latency_p99, node.drives = PlanarState(), 0.0, (drive, drive)
-    joints = [SimpleNamespace(warmth=warmth) for warmth in (0.1, 0.97)]
-    node._plane = SimpleNamespace(homed=True, share=share, skipped=0, joints=joints)
+    motors = [SimpleNamespace(warmth=warmth) for warmth in (0.1, 0.97)]
+    node._plane = SimpleNamespace(
+        controller=SimpleNamespace(homed=True, share=share), drives=SimpleNamespace(motors=motors),
+        skipped=0,
+    )  # fmt: skip
     node._slot = SimpleNamespace(refused="")
     node._pullers = SimpleNamespace(warning="")
     monkeypatch.setattr(node, "port_values", lambda skipped: {})

@@ -23,7 +23,6 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.lockstep.clock import simulated_clock
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
-from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import inbox, topics
 from screw_module_ros.nodes.support.drives import VERTICAL, Permission
 from screw_module_ros.nodes.support.inbox import Inbox, Outlet, Subscription
@@ -78,7 +77,7 @@ def test_a_system_clock_that_was_set_back_makes_nothing_newer_than_now():
 def permit_after(clock: Clock, *arrivals_ns: int) -> Permit:
     inbox = SimpleNamespace(subscribe=lambda *_: received(clock, *arrivals_ns))
     node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
-    permit = Permit([], Requests(), PermitSettings(), MS)
+    permit = Permit([], PermitSettings(), MS)
     Permission(node, inbox, VERTICAL).pass_on(permit, clock.now_ns())
     return permit
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 from lifecycle_msgs.msg import State, Transition
@@ -19,8 +20,9 @@ from rclpy.parameter import Parameter as Value
 from screw_module_ros.clock import ManualClock, TimeStandsStill
 from screw_module_ros.devices.errors import NotAnswering
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import threads
-from screw_module_ros.nodes.support.threads import Timers
+from screw_module_ros.nodes.support.threads import Timers, run_loop
 
 
 @pytest.fixture
@@ -78,6 +80,44 @@ def test_while_simulated_time_stands_the_node_stays_active(active):
     assert active.active and state(active) == State.PRIMARY_STATE_ACTIVE
     active.trigger_deactivate()
     assert not active.active and state(active) == State.PRIMARY_STATE_INACTIVE
+
+
+def step_of(active, done):
+    """Return a step of a loop that notes itself in `done`, and ends the loop."""
+
+    def step(nodes):
+        done.append("step")
+        active.stopping.set()
+
+    return step
+
+
+def test_what_a_service_asks_for_is_carried_out_before_the_next_step(active):
+    done = []
+    answer = active.requests.put(lambda: done.append("asked"))
+    failed = active.requests.put(lambda: 1 / 0)
+    run_loop([active], step_of(active, done))
+    assert done == ["asked", "step"] and answer.done()
+    with pytest.raises(ZeroDivisionError):
+        failed.result(timeout=0.0)
+
+
+def test_of_the_nodes_in_one_loop_those_that_are_active_are_served_alone(active):
+    done = []
+    other = SimpleNamespace(enters=lambda: False, requests=Requests(ManualClock()))
+    other.requests.put(lambda: done.append("asked"))
+    run_loop([active, other], step_of(active, done))
+    assert done == ["step"]
+
+
+def test_what_was_asked_for_before_an_activation_is_not_carried_out_after_it(active):
+    """A gate that was closed for who gave up waiting would close for who enables now."""
+    done = []
+    active.trigger_deactivate()
+    active.requests.put(lambda: done.append("asked"))
+    active.trigger_activate()
+    run_loop([active], step_of(active, done))
+    assert done == ["step"]
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ A recorder that hangs, dies or whose disk is full holds up no session, and none 
 from __future__ import annotations
 
 import math
-import threading
 from functools import partial
 from types import SimpleNamespace
 
@@ -244,7 +243,7 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
     else:
         recording.ask("P-22222_clock")
     node = SimpleNamespace(
-        _lock=threading.Lock(), _session=None, _recording=recording, clock=recording.clock,
+        _session=None, _recording=recording, clock=recording.clock,
         _relay_wishes=lambda now_ns, ends: None,
     )  # fmt: skip
     TherapySessionNode.end(node)
@@ -341,7 +340,7 @@ def test_the_sessions_node_takes_a_games_pull_with_it(relay):
     relay.relay(True, HAND, 10 * S)
     recording = SimpleNamespace(close=lambda: None)
     node = SimpleNamespace(
-        _lock=threading.Lock(), _session=None, _recording=recording, _wishes=relay,
+        _session=None, _recording=recording, _wishes=relay,
         clock=ManualClock(10 * S), _silent=lambda now_ns: False,
         _sample=SimpleNamespace(position=HAND), _is_under_way=lambda: False,
     )  # fmt: skip
@@ -379,6 +378,7 @@ def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(make_node):
     node._take_sample(EndpointState(sequence=5), node.clock.now_ns())
     node._recording.of_another = lambda patient, now_ns: "P-33333"
     request = StartTherapy.Request(protocol="evaluation", patient="P-22222")
+    node.requests.ask = lambda act: act()
     answer = node._start(request)
     node._recording.of_another = lambda patient, now_ns: ""
     begun = node._start(request)

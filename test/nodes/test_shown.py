@@ -77,7 +77,7 @@ def test_the_plane_is_invalid_while_a_drive_is_silent(bench):
     assert math.isnan(message.position.x) and math.isnan(message.velocity.y)
     assert planar_joints(carried(plane, bench.now_ns)) == {}
     bench.rig.inject("elbow", "clear", 0.0, 0.0, bench.now_ns)
-    assert bench._asking(bench.plane.clear_fault) == ""
+    assert bench.clear_plane_fault() == ""
     bench.ticks(20)
     message = shown_plane(bench, plane)
     assert list(message.valid[:2]) == [True, True]

@@ -61,7 +61,7 @@ def made(make_node):
         node = make_node(name, "-r", f"__ns:={NAMESPACE}")
         node.device, node.clock = device, PatientClock(1)
         node.port = SimpleNamespace(failed=False)
-        node.part = SimpleNamespace(requests=SimpleNamespace(ask=lambda act, clock: act()))
+        node.requests = SimpleNamespace(ask=lambda act: act())
         return node
 
     return make

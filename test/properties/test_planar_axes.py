@@ -23,8 +23,10 @@ from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.loop import gate
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 PERIOD_NS = 2 * MS
@@ -60,6 +62,7 @@ class Waits(ManualClock):
         return self.machine.wire.now_ns
 
     def sleep_until(self, due_ns: int) -> None:
+        self.machine.requests.serve()
         self.machine.work(1)
 
 
@@ -80,8 +83,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             drive.configure()
             drive.start()
         self.axes = Plane(self.drives, self.wire.port, PERIOD_NS, LAW, JOINTS, GATE)
-        self.axes.drives.permit.requests.ask = self.ask
-        self.waits = Waits(self)
+        self.requests = Requests(Waits(self))
         self.shown, self.shown_ns = [0, 0], [0, 0]
         for index, node in enumerate(NODES):
             self.wire.port.subscribe(0x180 + node, lambda data, at, i=index: self.see(i, data, at))
@@ -262,7 +264,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     @rule()
     def enable(self):
         if self.axes.controller.homed:
-            self.ask(self.axes.drives.permit.apply_enable)
+            self.open()
         self.work(5)
 
     @rule(slow=which)
@@ -270,7 +272,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         """One never shows operation enabled: the other must not turn either."""
         self.disable()
         if self.axes.controller.homed and not self.axes.drives.permit.faulted:
-            self.ask(self.axes.drives.permit.apply_enable)
+            self.open()
         for _ in range(60):
             if self.ends[slow].state == "operation enabled":
                 self.ends[slow].state = "switched on"
@@ -278,14 +280,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def disable(self):
-        self.axes.drives.permit.disable(self.waits)
+        gate.disable(self.axes.drives.permit, self.requests)
         self.asked = False
         self.work(2)
 
     @rule()
     def clear(self):
         with suppress(DeviceError):
-            self.axes.clear_fault(self.waits)
+            self.axes.clear_fault(self.requests)
 
     @rule()
     def bring_up(self):
@@ -308,12 +310,11 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             self.setpoint = (0.15, 0.15, 0.0, 0.0)
             self.bring_up()
 
-    def ask(self, action, _clock=None) -> str:
-        """Ask as a service does and tick, so that it is answered."""
-        self.asked = self.asked or action == self.axes.drives.permit.apply_enable
-        answer = self.axes.drives.permit.requests.put(action)
+    def open(self) -> None:
+        """Have the gate opened between two ticks, as for a service."""
+        self.asked = True
+        self.axes.drives.permit.open(self.wire.now_ns)
         self.work(1)
-        return answer.result(timeout=0.0)
 
 
 TestPlanarAxes = PlanarAxesMachine.TestCase

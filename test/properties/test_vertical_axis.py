@@ -267,13 +267,14 @@ class AxisMachine(Machine):
 
     @rule()
     def enable(self):
-        self.ask(self.axis.permit.apply_enable)
+        self.work(1)
+        self.axis.permit.open(self.wire.now_ns)
         self.asked = True
         self.work(5)
 
     @rule()
     def disable(self):
-        self.ask(self.axis.permit.apply_disable)
+        self.axis.permit.close()
         self.asked = False
 
     @rule()
@@ -283,7 +284,7 @@ class AxisMachine(Machine):
                 drive.clear_fault()
         self.work(20)
         if not self.drive.fault:
-            self.ask(lambda: self.axis.permit.apply_clear(self.axis.permit.fault.reason))
+            self.axis.permit.clear(self.axis.permit.fault.reason)
 
     @precondition(lambda self: self.axis.permit.enabled)
     @rule(force=st.sampled_from((150.0, 20.0, -20.0, -150.0)))
@@ -291,7 +292,7 @@ class AxisMachine(Machine):
         """From the gate's opening on the torque grows with time, whichever way it is asked for."""
         self.disable()
         self.work(25, force)  # a disabling takes 20 ms
-        self.ask(self.axis.permit.apply_enable)
+        self.axis.permit.open(self.wire.now_ns)
         self.asked = True
         self.work(20, force)
         most = largest_torque(1.0, force > 0.0)
@@ -303,10 +304,6 @@ class AxisMachine(Machine):
             since = (self.wire.now_ns - self.open_ns) * 1e-9
             assert abs(self.axis.last.torque) <= (since + 0.001) / GATE.ramp_time * most
             assert self.axis.last.torque * force > 0.0 or since == 0.0
-
-    def ask(self, action) -> None:
-        """Ask as a service does, without waiting for the answer."""
-        self.axis.permit.requests.put(action)
 
     def judge(self) -> None:
         permit, now_ns = self.axis.permit, self.wire.now_ns
@@ -323,12 +320,11 @@ class AxisMachine(Machine):
             and not self.drive.fault
         )
         for word, torque in self.commands():
-            if not permit.requests.waiting:
-                self.asked = self.asked and holds  # only another wish may open it again
+            self.asked = self.asked and holds  # only another wish may open it again
             self.judge_frame(word, torque)
             assert abs(torque) <= largest_command(scale, torque > 0.0) + PER_MILLE
             assert torque == 0.0 or (phase == OPEN and holds)
-        if phase == CLOSED and not permit.requests.waiting:
+        if phase == CLOSED:
             self.asked = False
 
 

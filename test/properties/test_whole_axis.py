@@ -74,7 +74,7 @@ class WholeAxis(RuleBasedStateMachine):
             assert row.torque == 0.0
         if self.bench.controller.faulted:
             assert self.bench.controller.output.force == 0.0
-        if permit.phase == CLOSED and not permit.requests.waiting:
+        if permit.phase == CLOSED:
             self.asked = False
 
     def elapsed(self) -> float:
@@ -120,15 +120,16 @@ class WholeAxis(RuleBasedStateMachine):
             bench.drive.clear_fault()
         self.work(150)
         bench.controller.reset(bench.now_ns)
-        for action in (bench.axis.permit.apply_clear, bench.axis.permit.apply_enable):
-            bench.axis.permit.requests.put(action)
-            self.asked = self.asked or action == bench.axis.permit.apply_enable
-            self.work(10)
-        self.work(100)
+        permit = bench.axis.permit
+        permit.clear(permit.fault.reason)
+        self.work(10)
+        permit.open(bench.now_ns)
+        self.asked = True
+        self.work(110)
 
     @rule()
     def disable(self):
-        self.bench.axis.permit.requests.put(self.bench.axis.permit.apply_disable)
+        self.bench.axis.permit.close()
         self.asked = False
         self.work(5)
 

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.loop.gate import clear_fault, enable
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.safety.latch import Age
 from screw_module_ros.safety.permit import (
@@ -61,7 +62,7 @@ class Gate:
 
     def __init__(self, drives=1):
         self.drives = [Switch() for _ in range(drives)]
-        self.permit = Permit(self.drives, Requests(), SETTINGS, PERIOD_NS)
+        self.permit = Permit(self.drives, SETTINGS, PERIOD_NS)
         self.now_ns = START_NS
 
     def step(self, command=-200_000, safety=-10_000_000, permitted=True, elapsed=PERIOD_NS):
@@ -73,10 +74,14 @@ class Gate:
         return self.permit.step(self.now_ns + command, self.now_ns)
 
     def ask(self, act, **wrong):
-        """Ask as a service does; return the answer of the next tick."""
-        answer = self.permit.requests.put(act)
+        """Act between two ticks, as the loop does for a service; return the answer."""
         self.step(**wrong)
-        return answer.result(timeout=0.0)
+        answer = act()
+        self.step(**wrong)
+        return answer
+
+    def open(self):
+        return self.permit.open(self.now_ns)
 
 
 @pytest.fixture
@@ -84,7 +89,7 @@ def opened():
     """A gate that has been open long enough for its ramp."""
     gate = Gate()
     gate.step()
-    assert gate.ask(gate.permit.apply_enable) == ""
+    assert gate.ask(gate.open) == ""
     for _ in range(1000):
         gate.step()
     assert (gate.permit.phase, gate.permit.scale, gate.permit.reason) == (OPEN, 1.0, "")
@@ -94,7 +99,7 @@ def opened():
 def test_opens_once_every_drive_is_there_and_ramps_in():
     gate = Gate(drives=2)
     gate.drives[1].on = False
-    assert gate.ask(gate.permit.apply_enable) == ""
+    assert gate.ask(gate.open) == ""
     for _ in range(20):
         assert gate.step() == 0.0
     assert (gate.permit.phase, gate.permit.reason) == (OPENING, STARTING)
@@ -111,7 +116,7 @@ def test_opens_once_every_drive_is_there_and_ramps_in():
 def test_a_pause_makes_no_leap_in_the_ramp(elapsed, leap):
     """A longer pause counts as one of 20 ms; the clock may even go back."""
     gate = Gate()
-    gate.ask(gate.permit.apply_enable)
+    gate.ask(gate.open)
     assert gate.step() == pytest.approx(0.002)
     assert gate.step(elapsed=elapsed) == pytest.approx(0.002 + leap)
 
@@ -170,9 +175,8 @@ def test_a_refusal_holds_for_a_fifth_of_a_second(reason):
     for after_ns in (0, 200_000_000, 200_000_001):
         now_ns = begin_ns + after_ns
         permit.supervise(after_ns > 0, reason, now_ns)
-        answer = permit.requests.put(permit.apply_enable)
         permit.step(now_ns, now_ns)
-        asked[after_ns] = answer.result(timeout=0.0)
+        asked[after_ns] = permit.open(now_ns)
     why = f"not permitted: {reason}" if reason else "safety_state does not permit motion"
     assert asked == {0: why, 200_000_000: why, 200_000_001: ""}
 
@@ -201,12 +205,12 @@ def test_after_a_latch_clear_comes_before_enable(opened, happens, wrong, reason,
     opened.step(**wrong)
     opened.drives[0].on, opened.drives[0].fault = True, ""
     permit = opened.permit
-    refusal = opened.ask(permit.apply_enable)
+    refusal = opened.ask(opened.open)
     assert (reason in refusal) == latched
     assert (permit.phase == CLOSED) == latched
-    opened.ask(permit.apply_disable)
-    assert opened.ask(lambda: permit.apply_clear(permit.fault.reason)) == ""
-    assert opened.ask(permit.apply_enable) == ""
+    opened.ask(permit.close)
+    assert opened.ask(lambda: permit.clear(permit.fault.reason)) == ""
+    assert opened.ask(opened.open) == ""
 
 
 @pytest.mark.parametrize(
@@ -222,7 +226,7 @@ def test_enable_is_refused_with_its_reason_and_no_drive_is_asked(happens, wrong,
     gate = Gate()
     if happens:
         happens(gate)
-    assert gate.ask(gate.permit.apply_enable, **wrong) == reason
+    assert gate.ask(gate.open, **wrong) == reason
     assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
 
 
@@ -230,23 +234,23 @@ def test_a_latch_whose_cause_lasts_is_told_by_its_cause(opened):
     """Not by the latch: clearing it would not help."""
     fault(opened)
     opened.step()
-    assert opened.ask(opened.permit.apply_enable) == "over-current"
+    assert opened.ask(opened.open) == "over-current"
     opened.drives[0].fault = ""
-    assert "latched: call ~/clear_fault first" in opened.ask(opened.permit.apply_enable)
+    assert "latched: call ~/clear_fault first" in opened.ask(opened.open)
 
 
 def test_what_one_drive_refuses_is_asked_of_none():
     gate = Gate(drives=2)
     gate.drives[1].refused = "it is still recovering"
-    assert gate.ask(gate.permit.apply_enable) == "it is still recovering"
+    assert gate.ask(gate.open) == "it is still recovering"
     assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
 
 
 def test_a_drive_that_never_starts_is_given_up():
     gate = Gate()
     gate.drives[0].on = False
-    gate.ask(gate.permit.apply_enable)
-    gate.step(elapsed=1_000_000_000)
+    gate.ask(gate.open)
+    gate.step(elapsed=1_000_000_000 - PERIOD_NS)
     assert gate.permit.phase == OPENING
     gate.step(elapsed=1)
     assert gate.permit.phase == CLOSED and not gate.permit.latched
@@ -254,23 +258,23 @@ def test_a_drive_that_never_starts_is_given_up():
 
 
 def test_enabling_twice_does_not_start_the_ramp_again(opened):
-    assert opened.ask(opened.permit.apply_enable) == ""
+    assert opened.ask(opened.open) == ""
     assert opened.step() == 1.0 and opened.drives[0].asked == ["enable"]
 
 
 def test_disable_closes_and_keeps_a_latch(opened):
-    opened.ask(opened.permit.apply_disable)
+    opened.ask(opened.permit.close)
     permit = opened.permit
     assert (permit.phase, permit.scale, permit.reason) == (CLOSED, 0.0, "not enabled")
-    opened.ask(permit.apply_enable)
+    opened.ask(opened.open)
     opened.step()
     opened.step(command=-(10**9))
-    opened.ask(permit.apply_disable)
+    opened.ask(permit.close)
     assert permit.latched and permit.reason == "no fresh command"
 
 
 def test_clear_does_not_touch_an_open_gate(opened):
-    assert opened.ask(lambda: opened.permit.apply_clear(opened.permit.fault.reason)) == ""
+    assert opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason)) == ""
     assert opened.step() == 1.0
 
 
@@ -281,7 +285,7 @@ def test_a_fault_that_comes_while_a_drive_recovers_is_not_cleared_with_the_old_o
     known = gate.permit.fault.reason
     gate.permit.fault.clear()
     gate.permit.fault.set("beyond 150 N")
-    assert gate.ask(lambda: gate.permit.apply_clear(known)) == "beyond 150 N"
+    assert gate.ask(lambda: gate.permit.clear(known)) == "beyond 150 N"
     assert gate.permit.faulted
 
 
@@ -291,14 +295,14 @@ def test_missed_deadlines_stop_only_while_torque_passes(opened):
     opened.permit.missed(20, 20)
     assert opened.step() == 0.0
     assert opened.permit.reason == "20 deadlines missed in a row"
-    opened.ask(lambda: opened.permit.apply_clear(opened.permit.fault.reason))
+    opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason))
     opened.permit.missed(20, 20)
     assert opened.permit.fault.reason == ""
 
 
 def test_at_rest_is_closed_with_every_drive_off(opened):
     assert not opened.permit.at_rest(opened.now_ns)
-    opened.ask(opened.permit.apply_disable)
+    opened.ask(opened.permit.close)
     assert not opened.permit.at_rest(opened.now_ns), "the drive still shows operation enabled"
     opened.drives[0].on = False
     assert opened.permit.at_rest(opened.now_ns)
@@ -322,24 +326,20 @@ acts = st.sampled_from(["enable", "disable", "clear"])
 def test_whatever_happens_torque_passes_only_while_all_holds_since_an_enable(events):
     gate, permit, asked = Gate(), None, False
     permit, drive = gate.permit, gate.drives[0]
-    opening = None
     for event in events:
         if isinstance(event, str):
             if event == "enable":
-                opening = permit.requests.put(permit.apply_enable)
+                asked = permit.open(gate.now_ns) == "" or asked
             elif event == "disable":
-                permit.requests.put(permit.apply_disable)
+                permit.close()
             else:
-                permit.requests.put(lambda: permit.apply_clear(permit.fault.reason))
+                permit.clear(permit.fault.reason)
             asked = asked and event != "disable"
             continue
         elapsed, command, safety, permitted, drive.on, faulted = event
         drive.fault = "a fault" if faulted else ""
         before = permit.scale
         gate.step(command, safety, permitted, elapsed)
-        if opening is not None:
-            asked = asked or opening.result(timeout=0.0) == ""
-            opening = None
         holds = (
             permitted and not faulted and -5 * PERIOD_NS <= command <= PERIOD_NS
             and -100_000_000 <= safety <= PERIOD_NS
@@ -361,36 +361,47 @@ def test_every_guard_names_a_hazard_and_the_parameters_that_exist(guard):
 
 
 class NotedClock(ManualClock):
-    """A clock by hand that serves the gate while somebody waits, and notes how long one may."""
+    """A clock by hand: while a service waits, the loop serves `requests` and ticks.
+
+    longest: how long each wait may take [s].
+    """
 
     def __init__(self, gate):
         super().__init__(gate.now_ns)
         self.gate, self.longest = gate, []
+        self.requests = Requests(self)
 
     def wait_for(self, condition, seconds):
         self.longest.append(seconds)
-        self.gate.step()
-        self.time_ns = self.gate.now_ns
+        self.requests.serve()
+        self.tick()
         return condition()
 
     def sleep(self, seconds):
-        self.time_ns += round(seconds * 1e9)
+        for _ in range(round(seconds * 1e9) // PERIOD_NS):
+            self.tick()
+
+    def tick(self):
+        self.gate.step()
+        self.time_ns = self.gate.now_ns
 
 
 def test_how_long_an_enable_and_a_recovery_are_waited_for():
     """A second more than the drive may take, for its answer."""
     gate = Gate()
-    permit = Permit(gate.drives, Requests(), SETTINGS, PERIOD_NS, recovery_s=2.5)
+    permit = Permit(gate.drives, SETTINGS, PERIOD_NS, recovery_s=2.5)
     gate.permit = permit
     gate.step()
-    assert permit.enable(clock := NotedClock(gate)) == ""
+    clock = NotedClock(gate)
+    assert enable(permit, clock.requests) == ""
     assert clock.longest[1:] == [2.0]  # after that of the loop's answer
     gate.drives[0].fault, gate.drives[0].recovering = "over-current", True
     gate.drives[0].clear_fault = lambda: gate.drives[0].asked.append("clear")
-    assert permit.clear_fault(clock := NotedClock(gate)) == "over-current"
+    clock = NotedClock(gate)
+    assert clear_fault(permit, clock.requests) == "over-current"
     assert clock.longest == [3.5] and gate.drives[0].asked[-2:] == ["clear", "disable"]
     gate.drives[0].fault = ""
-    assert permit.clear_fault(NotedClock(gate)) == "" and not permit.faulted
+    assert clear_fault(permit, NotedClock(gate).requests) == "" and not permit.faulted
     assert gate.drives[0].asked.count("clear") == 1, "a healthy drive has nothing to recover from"
 
 
@@ -401,9 +412,10 @@ def test_an_enable_waits_for_a_permission_or_a_disabling_under_way(lacking, wait
     gate.drives[0].leaving = lacking == "leaving"
     gate.permit._permitted = lacking != "permission"
     gate.step = partial(gate.step, permitted=lacking != "permission")
+    gate.step()
     clock = NotedClock(gate)
     begin_ns = clock.time_ns
-    refused = gate.permit.enable(clock)
+    refused = enable(gate.permit, clock.requests)
     why = "not now" if lacking != "permission" else "safety_state does not permit motion"
     assert refused == why
     waited = (clock.time_ns - begin_ns) / 1e6

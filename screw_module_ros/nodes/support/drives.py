@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from screw_module_ros import graph
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
+from screw_module_ros.loop import gate
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
 from . import topics
@@ -58,7 +59,7 @@ class DriveNode(DriverNode):
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
         self._poll_slow()  # the mode, where nothing has brought it of late
-        return self._senders.count() or self.prepare() or self.permit.enable(self.clock)
+        return self._senders.count() or self.prepare() or gate.enable(self.permit, self.requests)
 
     def prepare(self) -> str:
         """Tell the drives what this enabling needs; return why they cannot be enabled."""
@@ -66,7 +67,7 @@ class DriveNode(DriverNode):
 
     def clear_fault(self) -> str:
         """Recover; return the remaining fault, empty if none."""
-        return self.permit.clear_fault(self.clock)
+        return gate.clear_fault(self.permit, self.requests)
 
     def leave(self) -> str:
         """Shut the drives down cleanly, after the loop has ended; return the errors."""
@@ -130,7 +131,8 @@ class DriveNode(DriverNode):
                 if drive.danger:
                     self.get_logger().error(drive.danger)
             return refused or Done("enabled")
-        return self.permit.disable(self.clock) or Done("disabled")
+        gate.disable(self.permit, self.requests)
+        return Done("disabled")
 
     @property
     def alarm(self) -> str:

@@ -17,6 +17,7 @@ from rclpy.service import Service
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
 from screw_module_ros.lockstep.clock import simulated_clock
+from screw_module_ros.loop.requests import Requests
 
 from .answering import Done, answer_always, carried_out
 from .arguments import arguments, overrides
@@ -37,14 +38,16 @@ class Node(LifecycleNode):
 
     Two threads share a node. The loop's thread runs `step` and owns the data of the loop. The
     service thread runs services, timers and the lifecycle. It affects the loop only by replacing
-    whole values or by requests that the loop carries out (see `loop/requests`).
+    whole values, or by `requests`, which `run_loop` has carried out between two steps: what an act
+    there changes, no step sees half changed.
 
     Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
     the lifecycle), `alarm`, `health`, `refusal`, `fixed` and `changed`.
 
     clock: the one clock of this process. stopping: set when the process is to end. periodic: calls
-    of the service thread. phase: lifecycle state. failure: of the last transition, empty without.
-    opened: what `disconnect` closes, the last one first; `connect` fills it.
+    of the service thread. requests: acts for the loop's thread. phase: lifecycle state. failure: of
+    the last transition, empty without. opened: what `disconnect` closes, the last one first;
+    `connect` fills it.
     """
 
     hardware_id = ""
@@ -66,6 +69,7 @@ class Node(LifecycleNode):
         self._stepping = threading.Lock()
         self.phase, self.failure = UNCONFIGURED, ""
         self.periodic = Timers()
+        self.requests = Requests(self.clock)
         self.opened = ExitStack()
         self._inboxes: list[Inbox] = []
         self._topics: list[Outlet | Senders] = []  # that are closed with the topics
@@ -234,6 +238,7 @@ class Node(LifecycleNode):
 
     def _begin_afresh(self) -> None:
         self.begin()
+        self.requests.discard()
         for inbox in self._inboxes:
             inbox.discard()  # what came before it counts no longer
 

@@ -195,12 +195,15 @@ class ServiceThread:
 def run_loop(nodes: Sequence[Any], step: Callable[[list[Any]], None]) -> None:
     """Repeat `step` with those of the nodes (`node.Node`) that are active, until they are to stop.
 
-    An error in it ends the process.
+    Before each step their requests are served, here and nowhere else. An error in a step ends the
+    process.
     """
     try:
         while not nodes[0].stopping.is_set():
             active = [node for node in nodes if node.enters()]
             try:
+                for node in active:
+                    node.requests.serve()
                 if active:
                     step(active)
             finally:
