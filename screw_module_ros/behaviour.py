@@ -78,7 +78,7 @@ def canonical(node: Any) -> str:
         texts = [(name, canonical(value)) for name, value in fields if name not in _MUTE]
         return f"{type(node).__name__}({','.join(f'{n}={text}' for n, text in texts if text)})"
     if isinstance(node, list):
-        parts = [canonical(part) or "None" for part in node if not _idle(part)]
+        parts = [canonical(part) or "None" for part in node if not _mute(part)]
         return f"[{','.join(parts)}]" if parts else ""
     return "" if node is None else f"{type(node).__name__}:{ascii(node)}"
 
@@ -215,7 +215,7 @@ def _attributes(node: ast.AST) -> set[str]:
     return {part.attr for part in _live(node) if isinstance(part, ast.Attribute)}
 
 
-def _idle(node: Any) -> bool:
+def _mute(node: Any) -> bool:
     """Return whether a node is a statement without effect: a docstring, `...` or `pass`."""
     text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     return text or isinstance(node, ast.Pass)

@@ -20,7 +20,7 @@ import types
 from functools import cache
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-_LONGEST = 80  # of a value in a message [characters]
+_LONGEST = 80  # longest value in a message [characters]
 
 Record = TypeVar("Record", bound=tuple)
 

@@ -19,7 +19,7 @@ from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.loop.plane_controller import JointSettings, PlaneLimits
 from screw_module_ros.nodes.amplifier import AmplifierSettings
 from screw_module_ros.safety.checks import AgreementSettings, FreezeSettings, WatchSettings
-from screw_module_ros.safety.permit import GUARDS, PermitSettings
+from screw_module_ros.safety.permit import CONDITIONS, PermitSettings
 from screw_module_ros.safety.supervision import SupervisionSettings
 
 ROOT = Path(__file__).parents[1]
@@ -36,7 +36,7 @@ HAZARDS = [
 STOPS = [
     [cell.strip() for cell in line.split("|")[1:-1]]
     for line in TEXT.partition("## What stops the torque")[2].partition("## Force")[0].splitlines()
-    if line.startswith("| ") and not line.startswith("| guard")
+    if line.startswith("| ") and not line.startswith("| condition")
 ]
 LIMITS = {
     "": (
@@ -107,14 +107,14 @@ def test_every_limit_of_what_stops_the_torque_is_a_parameter(stop):
     assert set(re.findall(r"`([^`]+)`", stop[2])) <= PARAMETERS
 
 
-@pytest.mark.parametrize("guard", GUARDS, ids=lambda guard: guard.wrong.__name__)
-def test_every_guard_of_the_permit_stands_there_with_what_clears_it(guard):
-    latches = "yes" if guard.latches else "no"
+@pytest.mark.parametrize("condition", CONDITIONS, ids=lambda condition: condition.wrong.__name__)
+def test_every_condition_of_the_permit_stands_there_with_what_clears_it(condition):
+    latches = "yes" if condition.latches else "no"
     found = [
         stop for stop in STOPS
-        if "safety/permit.py" in stop[1] and stop[3] == latches and guard.limit in stop[2]
+        if "safety/permit.py" in stop[1] and stop[3] == latches and condition.limit in stop[2]
     ]  # fmt: skip
-    assert any(stop[4].strip("`") in guard.clears for stop in found)
+    assert any(stop[4].strip("`") in condition.clears for stop in found)
 
 
 def test_rows_and_groups_are_found_in_the_text():

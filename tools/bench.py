@@ -41,8 +41,8 @@ from screw_module_ros import graph as topics
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import worker_pool
+from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.identification.trials import MotionTrial, StageTrial
 from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.operator.bring_up import DRIVES, bring_up
@@ -470,7 +470,7 @@ def one_run(name: str) -> float:
 
     Compiled plant, drivers' scaling, law and arm at 2 kHz samples with the plant's substeps.
     """
-    bench, trial = InProcessBench(load_world()), LOOP_TRIALS[name]
+    bench, trial = SimulatedStand(load_world()), LOOP_TRIALS[name]
     if isinstance(trial, StageTrial):
         bench.record(trial._replace(end=trial.start + 0.001), lambda share: None)
     else:

@@ -21,10 +21,10 @@ import click
 import yaml
 
 from screw_module_ros.identification import report, requirements
-from screw_module_ros.identification.bench import LoopSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.report import Module, Outcome, Report
 from screw_module_ros.identification.results import load_result
+from screw_module_ros.identification.stand import LoopSettings
 from screw_module_ros.plant.settings import load_world
 
 ROOT = Path(__file__).resolve().parent.parent

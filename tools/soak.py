@@ -53,7 +53,7 @@ from screw_module_ros.trials.patient import Hand
 from screw_module_ros.trials.runner import GraphRun, command, new_folder, recordings_in, running
 
 WARM_UP_S = 60.0
-_SHARE_OF_WARM_UP = 0.2  # of a short run
+_SHARE_OF_WARM_UP = 0.2  # share of a short run
 _LEAST = 5  # samples for a slope
 _PAGES = 2.0  # MiB; normal variation of a heap, also in a short run
 _MODES = tuple(reversed(names()))

@@ -25,7 +25,7 @@ from .settings import Limits
 _MOST_ANSWERS = 64
 _MOST_CALLS = 8
 _LONGEST_THROTTLE_MS = 3_600_000
-_EARLY = 0.5  # of the sampling period: a poll may be early by this share
+_EARLY = 0.5  # share of the sampling period by which a poll may be early
 
 
 class Gateway(Protocol):

@@ -26,7 +26,7 @@ from .rights import THERAPIST, Rights
 from .settings import Limits, Listening
 from .tokens import Tokens
 
-_HEARTBEAT_S = 10.0  # of the websocket: finds a client whose machine has gone
+_HEARTBEAT_S = 10.0  # heartbeat of the websocket: finds a client whose machine has gone
 _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
 _END_S = 0.5
 _FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
@@ -192,14 +192,14 @@ class Server:
         async for message in connection.socket:
             try:
                 if message.type is not WSMsgType.TEXT:
-                    raise CutOff(self._unwanted(message))
+                    raise CutOff(self._message_flaw(message))
                 connection.client.take(message.data, self._clock.now_ns())
                 connection.wake.set()  # a new subscriber gets the newest message at once
             except CutOff as error:
                 await self._cut_off(connection, str(error))
                 return
 
-    def _unwanted(self, message: WSMessage) -> str:
+    def _message_flaw(self, message: WSMessage) -> str:
         """Return what is wrong with a message that is no text."""
         if message.type is not WSMsgType.ERROR:
             return "JSON texts are wanted, no binary messages"

@@ -10,7 +10,7 @@ of the law. Its last line is the SHA-256 of the text before it.
 
 A limit is the smallest of these gains. It is no promise: the model has neither friction nor play,
 and on the loads under `exceeds`, such as a soft grip, a gain at its limit is unstable even in the
-model. There the guard (`control/guard.py`) ends what grows.
+model. There the guard (`control/gain_guard.py`) ends what grows.
 
 What the controller knows of its own loop and law it compares: a departure in the direction that
 makes the largest stable gain smaller is refused, one that makes it larger is not. The delay and the
@@ -55,7 +55,7 @@ class Gains(NamedTuple):
 
     def flaw(self) -> str:
         """Return which gain is out of the law's range, empty if none is."""
-        return _beyond_law(self)
+        return _range_flaw(self)
 
 
 class Loads(NamedTuple):
@@ -85,7 +85,7 @@ class Conditions(NamedTuple):
 
     def flaw(self) -> str:
         """Return which setting of the law is out of its range, empty if none is."""
-        return _beyond_law(self)
+        return _range_flaw(self)
 
     def departure(
         self, gain: str, settings: VerticalSettings, rate: float
@@ -109,7 +109,7 @@ class Conditions(NamedTuple):
         return None
 
 
-def _beyond_law(record: Gains | Conditions) -> str:
+def _range_flaw(record: Gains | Conditions) -> str:
     """Return which field is out of the range that the law has for it, empty if none is."""
     law = fields(VerticalSettings)
     found = (problem(law[name], getattr(record, name)) for name in record._fields if name in law)
@@ -162,7 +162,7 @@ class GainLimits(NamedTuple):
         return f"{self.serial} {self.date} sha256:{self.sha256[:12]}"
 
     @property
-    def outdated(self) -> str:
+    def feedback_refusal(self) -> str:
         """Return why these limits permit no force feedback, empty if they do."""
         if self.law == law_version():
             return ""
@@ -252,9 +252,9 @@ class _Certificate(NamedTuple):
 def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
     """Return the gain limits of the module with that serial.
 
-    Those of a certificate (version 1) are `outdated`. Raises SettingError naming file, key and
-    problem: when the file cannot be read, was changed, belongs to another module or another version
-    of the law, or lacks gains or conditions.
+    Those of a certificate (version 1) permit no force feedback. Raises SettingError naming file,
+    key and problem: when the file cannot be read, was changed, belongs to another module or another
+    version of the law, or lacks gains or conditions.
     """
     try:
         content = load(path)

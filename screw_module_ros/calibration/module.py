@@ -67,7 +67,7 @@ _RESIDUALS = {
     "gravity_sd_N": (0.0, 10.0),
     "mass_sd_kg": (0.0, 10.0),
 }
-_FINITE = (-1e300, 1e300)  # of any other residual
+_FINITE = (-1e300, 1e300)  # range of any other residual
 _Triple = tuple[float, float, float]
 
 

@@ -25,7 +25,7 @@ SYNC_ID = 0x80
 #: Frames per pump at most, so that a device that floods the bus cannot block the loop.
 MAX_FRAMES_PER_PUMP = 256
 _BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
-_RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
+_RESTARTED_FLAG = 0x100  # CAN_ERR_RESTARTED, set beside the flag above
 _LOOP_IS_ALIVE_NS = 5_000_000
 _SLICE_NS = 1_000_000
 _LOCK_S = 0.001

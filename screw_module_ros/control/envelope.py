@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..filters import Lowpass, clear, envelope, smoothed, tune
-from .guard import OBSERVED, Guard, damper_force, forget, guard_step, tune_guard
+from .gain_guard import OBSERVED, GainGuard, damper_force, forget, guard_step, tune_guard
 from .law import Law, Motion, Sample
 from .limits import (
     DRIVING,
@@ -50,7 +50,7 @@ LEAVE = -100
 """Mode of a law that makes room for another one: the law fades, weight and limits stay. Never sent
 by anybody."""
 NOTHING_HOLDS = 200.0  # [N] more than all parts together
-LOADED = 0.2  # of the force on the hand: more friction of a screw under load, at most
+LOADED = 0.2  # largest share of the force on the hand that a loaded screw adds to its friction
 NUMBER = 1e9
 """A law that answers with more than this, or with NaN, has answered with no force [N]."""
 
@@ -82,7 +82,7 @@ class EnvelopeState:
     base: float = 0.0
     weight: float = 0.0
     observer: Observer = field(default_factory=Observer)
-    guard: Guard = field(default_factory=Guard)
+    guard: GainGuard = field(default_factory=GainGuard)
     driven: float = 0.0
     handle: Lowpass = field(default_factory=Lowpass)
     error: Lowpass = field(default_factory=Lowpass)

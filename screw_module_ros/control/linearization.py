@@ -25,7 +25,8 @@ _FARTHEST = 0.1
 _WIDEST_ZONE = 0.05
 SMALLEST_JOINT = 0.004
 """Half of the least distance between the joints [Nm]: it bounds the slope at zero."""
-_CHECKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
+_CHECKS = 400
+"""Points over the range of torques; the command rises, so between two it hides 5 mNm at most."""
 
 
 class Line(NamedTuple):

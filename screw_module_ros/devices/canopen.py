@@ -27,7 +27,7 @@ _NMT_ID = 0x000
 _HEARTBEAT_BASE = 0x700
 _EMCY_BASE = 0x080
 _TOGGLE_BIT = 0x80
-_BOOT_S = 1.0  # in which a device whose communication was reset has booted
+_BOOT_S = 1.0  # time in which a device boots after a reset of its communication
 _TWO_ANSWERS = "two answers to one question (SDO)"
 UNWATCHED_NS = 2_000_000_000
 """After this time without a reader of its bus a device may have lost what it was told [ns]."""
@@ -81,10 +81,10 @@ class Identity(NamedTuple):
 
 
 class CanopenDevice:
-    """One remote node; a driver is a subclass with its profile and the hooks at the end.
+    """One remote node; a driver is a subclass with its CiA profile and the hooks at the end.
 
     settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
-    device in messages, like `vertical drive`. make: what is known of its make. counters: events
+    device in messages, like `vertical drive`. profile: what is known of its model. counters: events
     since the driver was created, by name. running: started, and not left since. intact: the device
     still has its configuration, as far as its frames tell. lost: it was silent; its communication
     is reset before it is configured again. nmt, heartbeat_ns: network state and arrival of the last
@@ -92,11 +92,11 @@ class CanopenDevice:
     set_back: what an earlier master had left in it and `configure` has set back.
     """
 
-    profile: ClassVar[int]
+    profile_number: ClassVar[int]
 
-    def __init__(self, port: Port, settings: Any, label: str, make: Profile):
+    def __init__(self, port: Port, settings: Any, label: str, profile: Profile):
         self.settings = settings
-        self.make = make
+        self.profile = profile
         self.label = label
         self.counters: Counter[str] = Counter()
         self.running = self.intact = self.lost = False
@@ -171,7 +171,7 @@ class CanopenDevice:
 
         Raises NotAnswering, BusError.
         """
-        found = closest(self.make.kind, self._identity.vendor_id, self.sdo.has)[:most]
+        found = closest(self.profile.kind, self._identity.vendor_id, self.sdo.has)[:most]
         width = max(len(each.name) for each in found)
         rows = (f"  {each.name:{width}}  {', '.join(each.differing) or 'fits'}" for each in found)
         return f"profiles closest to the {self.label}, and how it differs:\n" + "\n".join(rows)
@@ -265,11 +265,11 @@ class CanopenDevice:
         # Boot-ups that came before its answers happened before them.
         self._disturbances = foreign, self.counters["boot_ups"]
         self._identity = found = Identity(*parts)
-        settings, make = self.settings, self.make
+        settings, profile = self.settings, self.profile
         for name, value in (
-            ("profile", self.profile),
-            ("vendor_id", settings.vendor_id or make.vendor_id),
-            ("product_code", settings.product_code or make.product_code),
+            ("profile", self.profile_number),
+            ("vendor_id", settings.vendor_id or profile.vendor_id),
+            ("product_code", settings.product_code or profile.product_code),
         ):
             if value and getattr(found, name) != value:
                 raise WrongDevice(

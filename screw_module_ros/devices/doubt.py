@@ -33,7 +33,7 @@ class Doubt:
     """
 
     def __init__(self, tolerance: float, sentence: str, scale: float = 1.0):
-        """tolerance: largest shift without a second call [unit]; sentence: of the rejection, with
+        """tolerance: largest shift without a second call [unit]; sentence: of the refusal, with
         the shift times scale."""
         self._tolerance, self._sentence, self._scale = tolerance, sentence, scale
         self.forget()
@@ -43,7 +43,7 @@ class Doubt:
         self._asked: tuple[int, tuple[float, ...]] | None = None
         self.contradicted = False
 
-    def rejection(self, declared: Sequence[float], seen: Sequence[float], now_ns: int) -> str:
+    def refusal(self, declared: Sequence[float], seen: Sequence[float], now_ns: int) -> str:
         """Return why the reference is not accepted yet, empty when it is.
 
         declared: what the operator says is there; seen: what is there by the last reference, both

@@ -39,14 +39,14 @@ class Drive(DriveReports):
     master), foreign_heartbeats (in our name).
     warnings: for the user, such as missing guards. unguarded: guards that the drive refused and
     nothing replaces. make: what is known of its make.
-    told_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
+    drive_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].
     altered: it may have lost its configuration: another SDO client talked to it, or it was silent
     for long enough to restart unheard. `clear_fault` configures it again.
     """
 
-    profile = setup.PROFILE
+    profile_number = setup.PROFILE
 
     def __init__(
         self,
@@ -55,10 +55,10 @@ class Drive(DriveReports):
         label: str = "drive",
         beat: Heartbeat | None = None,
         per_turn: float = 2.0 * math.pi,
-        make: Profile = ANY_DRIVE,
+        profile: Profile = ANY_DRIVE,
     ):
-        settings = adapted(cross_checked(validated(settings)), make.drive)
-        super().__init__(port, settings, label, per_turn, make)
+        settings = adapted(cross_checked(validated(settings)), profile.drive)
+        super().__init__(port, settings, label, per_turn, profile)
         self.warnings: list[str] = []
         self.unguarded: tuple[MissingGuard, ...] = ()
         self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
@@ -70,16 +70,16 @@ class Drive(DriveReports):
         )
         self._waived = waived_guards(settings)
         self._largest = settings.max_torque
-        self.told_limit: float | None = None
+        self.drive_limit: float | None = None
         self._configured = self._setup
         self._open_ids: set[int] = set()
         self._asked = 0.0
         self._was_armed = False
         self._expects_heartbeat = True
         self._started_ns = 0
-        self._command_id = setup.command_pdo(settings, make.drive).cob_id
-        self._pack_command = setup.command_layout(make.drive).pack
-        self._enable_word = cia402.ENABLE_OPERATION | make.drive.mode_bits
+        self._command_id = setup.command_pdo(settings, profile.drive).cob_id
+        self._pack_command = setup.command_layout(profile.drive).pack
+        self._enable_word = cia402.ENABLE_OPERATION | profile.drive.mode_bits
         port.subscribe(self._command_id, self._on_foreign_command)
         port.subscribe(self.beat.can_id, self._on_foreign_heartbeat)
 
@@ -89,7 +89,7 @@ class Drive(DriveReports):
     def traffic(self) -> list[Traffic]:
         """Frames for the bus load."""
         return setup.drive_traffic(
-            self.settings, self._port.sync_producer, self.make.drive, self._setup
+            self.settings, self._port.sync_producer, self.profile.drive, self._setup
         )
 
     def refuse_others(self) -> None:
@@ -99,11 +99,11 @@ class Drive(DriveReports):
 
     def make_safe(self) -> None:
         """Take the torque away: an earlier program may have left the drive enabled."""
-        setup.without_torque(self.sdo, self.make.drive)
+        setup.without_torque(self.sdo, self.profile.drive)
 
     def set_up(self) -> setup.DriveSetup:
         """Write settings and guards; a drive that refuses a guard cannot be enabled."""
-        return setup.set_up(self._port, self.sdo, self.settings, self.make.drive)
+        return setup.set_up(self._port, self.sdo, self.settings, self.profile.drive)
 
     def adopt(self, found: setup.DriveSetup) -> None:
         """Take over mode, rating and missing guards."""
@@ -119,8 +119,8 @@ class Drive(DriveReports):
         ] + [*found.warnings, *map(str, found.replaced)]
 
     def _limited(self, found: setup.DriveSetup) -> None:
-        taken = self.make.drive.largest_target / PER_MILLE * found.thousand
-        self.told_limit = self.settings.max_torque
+        taken = self.profile.drive.largest_target / PER_MILLE * found.thousand
+        self.drive_limit = self.settings.max_torque
         self._largest = min(self.settings.max_torque, taken)
         self.unguarded = found.unguarded
 
@@ -129,10 +129,10 @@ class Drive(DriveReports):
 
         A drive that refuses it lacks that guard, and is not enabled. Raises NotAnswering, BusError.
         """
-        self.told_limit = None  # until it has answered
+        self.drive_limit = None  # until it has answered
         self.settings = self.settings._replace(max_torque=max_torque)
         self._limited(
-            setup.limit_again(self.sdo, self.settings, self.make.drive, self._configured)
+            setup.limit_again(self.sdo, self.settings, self.profile.drive, self._configured)
         )
 
     def prepare_start(self) -> None:
@@ -300,9 +300,9 @@ class Drive(DriveReports):
             return f"the {self.label} is still being disabled: try again in a moment"
         if not self._armed:
             return f"the {self.label} is not being commanded: activate it first"
-        return self.wrong_mode(self._port.clock.now_ns()) or self.lacks_guards()
+        return self.mode_refusal(self._port.clock.now_ns()) or self.guards_refusal()
 
-    def lacks_guards(self) -> str:
+    def guards_refusal(self) -> str:
         """Return the guards that are missing and not waived, with the way out; empty if none."""
         lacking = [each for each in self.unguarded if each.guard not in self._waived]
         if not lacking:

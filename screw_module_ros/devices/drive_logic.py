@@ -203,8 +203,8 @@ class DriveLogic:
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:
-            if wrong := self._problem(state, beat_ns, nmt, now_ns) or (
-                self._enabling_problem(state, silent, now_ns) if self.enabling else ""
+            if wrong := self._present_fault(state, beat_ns, nmt, now_ns) or (
+                self._enabling_fault(state, silent, now_ns) if self.enabling else ""
             ):
                 self.latch(wrong)
         if self.recovery.active:
@@ -252,7 +252,9 @@ class DriveLogic:
         patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
         return since_ns is not None and now_ns - since_ns >= patience_ns
 
-    def _problem(self, state: State, beat_ns: int | None, nmt: int | None, now_ns: int) -> str:
+    def _present_fault(
+        self, state: State, beat_ns: int | None, nmt: int | None, now_ns: int
+    ) -> str:
         """Return why the drive must be off, whatever was requested; empty if nothing is wrong."""
         if state in _FAULTY:
             return f"the {self._label} is in {state.text}"
@@ -268,7 +270,7 @@ class DriveLogic:
             return f"the {self._label} is in operation enabled, but nobody asked for it"
         return ""
 
-    def _enabling_problem(self, state: State, silent: bool, now_ns: int) -> str:
+    def _enabling_fault(self, state: State, silent: bool, now_ns: int) -> str:
         """Return why an enabling has failed, empty if it has not."""
         since_ns = self._enabling_since_ns
         if state is State.OPERATION_ENABLED or since_ns is None:

@@ -47,19 +47,19 @@ class DriveReports(CanopenDevice):
     included. mode_confirmed: the drive has said that it is in torque mode, since it can tell.
     """
 
-    profile = setup.PROFILE
+    profile_number = setup.PROFILE
 
     def __init__(
-        self, port: Port, settings: DriveSettings, label: str, per_turn: float, make: Profile
+        self, port: Port, settings: DriveSettings, label: str, per_turn: float, profile: Profile
     ):
-        super().__init__(port, settings, label, make)
+        super().__init__(port, settings, label, profile)
         brake = settings.stop_reaction == BRAKE
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         self.logic = DriveLogic(label, brake, settings.enable_timeout, silence)
         self._reported = Reported(slow_status.SLOW_STATUS, signed=(slow_status.MODE_DISPLAY,))
         self.torque_of = 0.0
         self.mode_confirmed = False
-        self._tells_mode_in = _TELLS_MODE_IN[make.drive.mode_shown]
+        self._tells_mode_in = _TELLS_MODE_IN[profile.drive.mode_shown]
         self._tells_since_ns = 0
         self._setup = setup.unconfigured(settings)
         self._position_of = settings.direction * per_turn / settings.counts_per_turn
@@ -79,13 +79,13 @@ class DriveReports(CanopenDevice):
     @property
     def own_objects(self) -> frozenset[tuple[int, int]]:
         """The watch of our heartbeat, and what the substitutes of its make write."""
-        parts = [part for each in self.make.drive.substitutes for part in each.objects]
+        parts = [part for each in self.profile.drive.substitutes for part in each.objects]
         return frozenset((_WATCHED_BY_US, *(key_of(part.object) for part in parts)))
 
     @property
     def answer_id(self) -> int:
         """Identifier of TPDO1."""
-        return setup.status_pdo(self.settings, self.make.drive).cob_id
+        return setup.status_pdo(self.settings, self.profile.drive).cob_id
 
     @property
     def step(self) -> float:
@@ -112,7 +112,7 @@ class DriveReports(CanopenDevice):
         """Object 60FD, the newest known; 0 while it is unknown."""
         return self._reported.value(slow_status.DIGITAL_INPUTS) or 0
 
-    def wrong_mode(self, now_ns: int) -> str:
+    def mode_refusal(self, now_ns: int) -> str:
         """Return why torque may not pass, empty if the drive says that it is in torque mode.
 
         Empty, too, in a state in which it does not tell: see `mode_confirmed`.
@@ -139,7 +139,7 @@ class DriveReports(CanopenDevice):
 
         A drive that has only just come to where it tells its mode is given time for it.
         """
-        if not (self.logic.enabling and (wrong := self.wrong_mode(now_ns))):
+        if not (self.logic.enabling and (wrong := self.mode_refusal(now_ns))):
             return
         if self.mode_confirmed or now_ns - self._tells_since_ns > _MODE_UNKNOWN_NS:
             self.logic.latch(wrong)
@@ -155,7 +155,7 @@ class DriveReports(CanopenDevice):
         self._setup = found
         now_ns = self._port.clock.now_ns()
         self._reported.restart(now_ns)
-        self.mode_confirmed = self.make.drive.mode_shown == ALWAYS
+        self.mode_confirmed = self.profile.drive.mode_shown == ALWAYS
         if self.mode_confirmed:  # read back just now
             self._reported.note({slow_status.MODE_DISPLAY: found.mode}, now_ns)
         self.torque_of = self.settings.direction * from_per_mille(1, found.thousand)

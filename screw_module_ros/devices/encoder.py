@@ -45,16 +45,16 @@ class Encoder(CanopenDevice):
     warnings: reports of the device that do not stop it.
     """
 
-    profile = setup.PROFILE
+    profile_number = setup.PROFILE
 
     def __init__(
         self,
         port: Port,
         settings: EncoderSettings,
         screw: Screw = SCREW,
-        make: Profile = ANY_ENCODER,
+        profile: Profile = ANY_ENCODER,
     ):
-        super().__init__(port, validated(settings), "encoder", make)
+        super().__init__(port, validated(settings), "encoder", profile)
         self.fault = ""
         self.warnings: list[str] = []
         self._reported = Reported(setup.SLOW_STATUS)
@@ -110,7 +110,7 @@ class Encoder(CanopenDevice):
     @property
     def answer_id(self) -> int:
         """Identifier of the TPDO with the position."""
-        return setup.position_pdo(self.settings, self.make.encoder.pdo).cob_id
+        return setup.position_pdo(self.settings, self.profile.encoder.pdo).cob_id
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -126,7 +126,7 @@ class Encoder(CanopenDevice):
 
     def set_up(self) -> int:
         """Write the settings; return the range at which the position wraps [counts]."""
-        return setup.set_up(self.sdo, self.settings, self.make.encoder, abs(self.step))
+        return setup.set_up(self.sdo, self.settings, self.profile.encoder, abs(self.step))
 
     def adopt(self, found: int) -> None:
         """Count from the range that was found."""
@@ -257,7 +257,7 @@ class Encoder(CanopenDevice):
             )
         if self.homed or self._doubt.contradicted:
             mark, place = settings.home_position, self._motion.position
-            if refused := self._doubt.rejection([mark], [place], self._port.clock.now_ns()):
+            if refused := self._doubt.refusal([mark], [place], self._port.clock.now_ns()):
                 self._motion.homed = False
                 raise NotNow(refused)
         self._motion.home(settings.home_position)

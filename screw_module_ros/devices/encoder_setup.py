@@ -100,25 +100,25 @@ def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> li
     return [Traffic("SYNC", 0, settings.rate), *frames] if sync_producer else frames
 
 
-def set_up(sdo: Sdo, settings: EncoderSettings, make: EncoderProfile, step: float) -> int:
+def set_up(sdo: Sdo, settings: EncoderSettings, profile: EncoderProfile, step: float) -> int:
     """Write what the settings say and read it back; the device is in PRE-OPERATIONAL.
 
     step: of one count at the nut [m]. Returns the range at which the position wraps [counts].
     Raises NotAnswering, Refused, NotConfigured.
     """
-    if make.scaling:
+    if profile.scaling:
         wrap = _scale(sdo, settings)
-    elif make.linear:
+    elif profile.linear:
         wrap = _linear_range(sdo, step)
     else:
-        wrap = _physical_range(sdo, settings, make.scaling_bit)
+        wrap = _physical_range(sdo, settings, profile.scaling_bit)
     if not settings.counts_per_turn <= wrap <= FULL_RANGE:
         # Within a period the nut could pass half of a shorter range, and turns would be miscounted.
         raise NotConfigured(
             f"{sdo.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
             "(counts_per_turn) to 2^32 are wanted: set measuring_range, or use an encoder that can"
         )
-    position = position_pdo(settings, make.pdo)
+    position = position_pdo(settings, profile.pdo)
     pdo.disable_unused(sdo, (position,))
     pdo.configure(sdo, position)
     return wrap

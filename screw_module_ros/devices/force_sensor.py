@@ -30,7 +30,7 @@ from .tare import mean_wrench
 
 Wrench = tuple[float, ...]
 _NO_WRENCH: Wrench = (0.0,) * ati.AXES
-_RESTART_S = 0.02  # after this silence the board may have lost its supply and come back
+_RESTART_S = 0.02  # silence after which the board may have lost its supply and come back
 
 
 class ForceSensor:
@@ -349,7 +349,7 @@ class ForceSensor:
         mean = mean_wrench(readings, self.settings)
         if self.tared or self._doubt.contradicted:
             now_ns = self._port.clock.now_ns()
-            if refused := self._doubt.rejection((0.0, 0.0, 0.0), mean[:3], now_ns):
+            if refused := self._doubt.refusal((0.0, 0.0, 0.0), mean[:3], now_ns):
                 self.tared = False
                 raise NotNow(refused)
         self._earlier.append((self.bias, self.tared))

@@ -15,7 +15,7 @@ from .sdo import Sdo
 _ID_MASK = 0x7FF
 _DISABLED, _NO_REMOTE, _EXTENDED = 1 << 31, 1 << 30, 1 << 29
 _RECEIVE_PARAMETERS, _TRANSMIT_PARAMETERS = 0x1400, 0x1800
-_MAPPING = 0x200  # from the parameters of a PDO to its mapping
+_MAPPING = 0x200  # distance from the parameters of a PDO to its mapping
 #: PDOs beyond these may exist but are disabled by default in CiA 301.
 _PDOS_LOOKED_AT = 8
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 MANY = 50
 """Answers too many that mean a second device: a cable that is disturbed repeats single frames."""
-_EASED = 0.25  # of one too many, by each answer that came when it was due
+_EASED = 0.25  # share of one answer too many that each answer in time takes off
 
 
 class Surplus:

@@ -77,7 +77,7 @@ def _shared(values: dict[str, Any]) -> dict[str, Any]:
     return {name: values[name] for name in ("rate", *SHARED) if name in values}
 
 
-class Found:
+class DeviceSet:
     """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding.
 
     Their locks are ours, as far as nobody has them: `driven` says on which buses somebody has.
@@ -101,11 +101,11 @@ class Found:
             port, settings(ForceSensorSettings, v)))
         self._add("amplifier", lambda port, v: Drive(
             port, settings(DriveSettings, v), "vertical drive",
-            per_turn=settings(Screw, v).lead, make=load(v.get("profile", GENERIC_402), DRIVE)))
+            per_turn=settings(Screw, v).lead, profile=load(v.get("profile", GENERIC_402), DRIVE)))
         for joint, own in JOINTS.items():
             self._add("manus", lambda port, v, joint=joint, own=own: Drive(
                 port, settings(DriveSettings, v, f"{joint}.", **own._asdict() | _shared(v)),
-                f"{joint} drive", make=load(v.get("profile", GENERIC_402), DRIVE)), joint)
+                f"{joint} drive", profile=load(v.get("profile", GENERIC_402), DRIVE)), joint)
 
     def _add(self, node: str, make: Any, name: str = "") -> None:
         if node not in self._nodes:
@@ -158,7 +158,7 @@ def check(
     tell(text): says what the operator has to do now. Raises SettingError.
     """
     with ExitStack() as stack:
-        found = Found(values, nodes, clock, stack, namespace)
+        found = DeviceSet(values, nodes, clock, stack, namespace)
         findings = [*machine.machine(), *found.findings]
         free: list[Any] = []
         for bus in found.buses.values():

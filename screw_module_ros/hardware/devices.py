@@ -21,7 +21,7 @@ from ..devices.encoder import Encoder
 from ..devices.errors import DeviceError, NotAnswering, Occupied
 from ..devices.force_sensor import ForceSensor
 from ..loop.sensor import PolledSensor
-from ..loop.vertical import Parts, VerticalLoop, Wires
+from ..loop.vertical import Roles, VerticalLoop, Wires
 from ..safety.timing import quantile
 from .finding import Finding
 
@@ -57,7 +57,7 @@ class Bus(NamedTuple):
     @property
     def node_ids(self) -> dict[int, int]:
         """Our CANopen devices: node id -> device profile."""
-        return {each.settings.node_id: each.profile for each in self.devices
+        return {each.settings.node_id: each.profile_number for each in self.devices
                 if isinstance(each, CanopenDevice)}  # fmt: skip
 
 
@@ -188,7 +188,7 @@ def configured(device: Any, name: str) -> list[Finding]:
     if isinstance(device, CanopenDevice):
         found += [Finding(f"{name} set back", each) for each in device.set_back]
     if isinstance(device, Drive):
-        if lacking := device.lacks_guards():
+        if lacking := device.guards_refusal():
             makes = _makes(device)
             todo = f"as it says; {makes}" if makes else "as it says"
             found.append(Finding(f"{name} guards", lacking, "all of them", todo))
@@ -274,7 +274,7 @@ def sampled(
         device.start()
     until_ns = clock.now_ns() + round(seconds * 1e9)
     while clock.now_ns() < until_ns:
-        loop.step(Parts(polled.get("encoder"), polled.get("force_sensor")))
+        loop.step(Roles(polled.get("encoder"), polled.get("force_sensor")))
     found = []
     for name, (device, _) in parts.items():
         found += _answers(name, device, polled[name], period_ns)

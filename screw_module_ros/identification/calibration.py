@@ -55,7 +55,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         "gravity_sd_N": weight.uncertainty,
         "mass_sd_kg": mass.uncertainty,
     }
-    path, zero = lab.folder / FILE, lab.bench.zero()
+    path, zero = lab.folder / FILE, lab.stand.zero()
     write_calibration(
         path,
         ModuleCalibration(
@@ -103,7 +103,7 @@ def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
         "date": _now(),
         "software": software(),
         "law": law_version(),
-        "bench": lab.bench.name,
+        "bench": lab.stand.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
     }
@@ -118,17 +118,17 @@ def _now() -> str:
 
 
 def own_serial(lab: Lab, serial: str) -> str:
-    """Return the serial number for a file about the module on the lab's bench.
+    """Return the serial number for a file about the module on the lab's stand.
 
     Raises ValueError for a simulated module's number on hardware, and for another one than the
     controller has.
     """
-    if lab.bench.serial not in ("", serial):
+    if lab.stand.serial not in ("", serial):
         raise ValueError(
             f"serial: {serial} is not the module_serial of impedance_controller: name "
-            f"{lab.bench.serial}, or start the controller with the number of the module"
+            f"{lab.stand.serial}, or start the controller with the number of the module"
         )
-    if RELEASE not in lab.bench.offers and serial.startswith(_SIMULATED):
+    if RELEASE not in lab.stand.offers and serial.startswith(_SIMULATED):
         raise ValueError(
             f"serial: {serial} is a simulated module's: name that of this one, with settings such "
             "as {serial: ARM-0007}"

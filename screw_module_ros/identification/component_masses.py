@@ -59,7 +59,7 @@ PRINTED = {
 }
 """Table 5.1 [kg], in its order."""
 TRANSLATING = ("bearing_carriage", "nut", "mounting_bracket", "force_transducer")
-_ROUNDING = 0.01 / math.sqrt(12.0)  # of a mass printed to 0.01 kg, one standard deviation
+_ROUNDING = 0.01 / math.sqrt(12.0)  # one standard deviation of a mass printed to 0.01 kg
 _GRAVITY = 9.81
 Masses = dict[str, float]
 """Masses by component, or by candidate for the screw [kg]."""

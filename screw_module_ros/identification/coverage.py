@@ -31,8 +31,9 @@ LEFT_OUT: dict[str, dict[str, Any]] = {
     "friction_map": {"inverted_speeds": ()}, "torque_response": {"slow_rate": 0.0},
 }  # fmt: skip
 """Settings that save half of the time: trials which no hidden value needs."""
-_CHANCE = 0.025  # of an honest interval to be called too narrow
-_FAR_INSIDE = 0.5  # of half the interval: all of 20 honest errors lie so near in 1 of 2700 cases
+_CHANCE = 0.025  # chance that an honest interval is called too narrow
+_FAR_INSIDE = 0.5
+"""Share of half the interval: all of 20 honest errors lie so near in 1 of 2700 cases."""
 
 
 class Covered(NamedTuple):

@@ -85,7 +85,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     quantities = [q for q in quantities if q.name not in unsure]
     if unsure:
         notes.append(f"Not determined, left out: {', '.join(unsure)}.")
-    if TRUTH in lab.bench.offers:
+    if TRUTH in lab.stand.offers:
         quantities += _at_rest(lab, usual)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
     calibration.write_gain_limits(lab, result, serial)

@@ -23,7 +23,7 @@ __all__ = ["COLOURS", "DESIRED", "axes_for", "bode", "error_map", "panels", "sav
 CREDIT = "S. P. Buerger, MIT 2001"
 THESIS_RATE = 2000.0  # [Hz] thesis: rate
 _LINES = ((COLOURS[2], "-"), (DESIRED, "--"), (COLOURS[3], "-."))
-_BAD_N = 3.0  # beside whose colour the numbers of a map are white
+_BAD_N = 3.0  # number of a map beside whose colour white digits are readable
 
 
 def axes_for(x: str, y: str, title: str = "") -> tuple[Figure, Axes]:

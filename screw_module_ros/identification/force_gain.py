@@ -71,7 +71,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     quantities: list[Quantity] = []
     data: dict[str, np.ndarray] = {}
     nuts = {False: "with backlash", True: "without backlash"}
-    # The preloaded nut first: a bench that has none refuses it before an hour of other trials.
+    # The preloaded nut first: a stand that has none refuses it before an hour of other trials.
     swept = {
         nut: _tried(lab, settings, nut, settings.gains) for nut in (True, False)
         if settings.preloaded or not nut

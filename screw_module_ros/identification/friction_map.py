@@ -22,7 +22,7 @@ from ..settings import Setting
 from .figures import COLOURS, THESIS_RATE, axes_for, filter_figure, printed
 from .lab import Lab
 from .results import STAGE, Drawn, Experiment, Published, Quantity, Result, beside
-from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, binned, lowpass_taps, stage_run, too_near
+from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, binned, lowpass_taps, range_flaw, stage_run
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "friction_map"
@@ -42,7 +42,7 @@ SPEEDS = (
 )  # fmt: skip
 MAPS = ("up", "down", "up_inverted", "down_inverted")
 _FIG_5_10 = (CENTRES_MM > 25.0) & (CENTRES_MM < 50.0)
-_VISCOUS_FROM = 0.025  # above the Stribeck velocity [m/s], thesis 5.2.4
+_VISCOUS_FROM = 0.025  # speed above the Stribeck velocity [m/s], thesis 5.2.4
 HEIGHT = "height of the nut on the screw z [mm]"
 FORCE = "force of the stage on the robot [N]"
 MAGNITUDE = "force downward [N]"
@@ -71,7 +71,7 @@ class Settings(NamedTuple):
             return f"speeds = {self.speeds}: must be ascending, without repetition"
         if unknown := set(self.inverted_speeds) - set(self.speeds):
             return f"inverted_speeds: {min(unknown):g} m/s is not among the speeds"
-        return too_near(self.low, self.high, 0.03)
+        return range_flaw(self.low, self.high, 0.03)
 
 
 def run(lab: Lab, settings: Settings) -> Result:

@@ -13,7 +13,7 @@ from ..settings import Setting
 from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
 from .results import STAGE, Drawn, Experiment, Published, Quantity, Result, beside
-from .stage_runs import period_of, stage_run, steady_part, too_near, turn_rate_hz
+from .stage_runs import period_of, range_flaw, stage_run, steady_part, turn_rate_hz
 from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
@@ -23,11 +23,11 @@ THESIS = {
 }
 ROLLERS = 4.0  # ours: turns of a roller per turn of the screw, 14.2875 / 3.5 mm rounded
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
-_LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
-_HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
+_LOWEST = 0.6  # share of the screw's rate; below it is the trend along the screw
+_HIGHEST = 6.0  # multiple of the screw's rate; upper end of the search for modes
 _ABOVE_FLOOR = 6.0  # least prominence of a mode over the noise floor
-_NEAR = 10.0  # where fig 5-8 ends [Hz]
-_FAR = 500.0  # where fig 5-7 ends [Hz]
+_NEAR = 10.0  # end of fig 5-8 [Hz]
+_FAR = 500.0  # end of fig 5-7 [Hz]
 
 
 class Settings(NamedTuple):
@@ -41,7 +41,7 @@ class Settings(NamedTuple):
 
     def flaw(self) -> str:
         """Return what is wrong with too short a way."""
-        return too_near(self.low, self.high, 0.08, ": four turns of the screw")
+        return range_flaw(self.low, self.high, 0.08, ": four turns of the screw")
 
 
 class Peak(NamedTuple):

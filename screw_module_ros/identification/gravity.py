@@ -49,13 +49,14 @@ THESIS = {
     "gravity": Published("weight", 0.53, given_to_plant=True),
     "double_weight": Published("double_weight", 2.1, given_to_plant=True),
 }
-_INNER = (0.5, 0.9)  # of the play: clear of the contacts, after the nut's swing from the first
+_INNER = (0.5, 0.9)
+"""Shares of the play: clear of the contacts, after the nut's swing from the first."""
 _FEWEST = 8  # samples that make a plateau
 _UNEVEN = 0.5  # change of the force across a plateau that indicates contact [N]
 _LEAST_LOADED = 4  # samples for the line of a contact
 _STARTED_S = 0.003  # the stage has its speed
-_LOADED = 0.3  # of the largest force of a contact: from here on it is surely touched
-_DRIVEN = 0.9  # of the way: the stage does not brake yet
+_LOADED = 0.3  # share of a contact's largest force at which it is surely touched
+_DRIVEN = 0.9  # share of the way: the stage does not brake yet
 _TOLD_APART = 0.1  # least spread of the speeds for the film's drag [mm/s]
 _FRICTION_DIFFERS = 0.25  # friction against gravity from friction with it, at most (as a share)
 
@@ -205,7 +206,7 @@ def _across(
     if np.isnan(rubs.slope):
         notes.append("One speed only: the friction of the guide includes the film's drag.")
     if np.isnan(halves.slope):
-        notes.append("The transducer's zero is the one that the bench subtracted.")
+        notes.append("The transducer's zero is the one that the stand subtracted.")
     return quantities, notes
 
 

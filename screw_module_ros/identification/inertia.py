@@ -57,10 +57,10 @@ _STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
 CUTOFF_HZ = 30.0  # [Hz] thesis: inertia_cutoff
 STOP_HZ = 50.0  # [Hz] thesis: inertia_stop
 _CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
-_EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
+_EDGE_S = 0.25  # time at each end where the filter uses mirrored samples
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _SCALE = 0.2  # ours: of the force, as in fig 5-33
-_BEGIN = 2.0  # after the record's beginning [s]
+_BEGIN = 2.0  # time after the record's beginning [s]
 
 
 class Settings(NamedTuple):

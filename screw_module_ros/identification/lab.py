@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The environment of an experiment: a bench, a folder with finished trials, a progress callback.
+"""The environment of an experiment: a stand, a folder with finished trials, a progress callback.
 
 An experiment is `run(lab, settings) -> Result`. It gives the lab its trials and a function that
 reduces the samples of each, and fits the reduced parts. Finished parts are kept: who turns a module
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .results import Experiment, Result, load_result
-from .trials import RELEASE, AnyTrial, Bench, Samples, duration_of, require
+from .trials import RELEASE, AnyTrial, Samples, Stand, duration_of, require
 from .uncertainty import Source
 
 Part = dict[str, np.ndarray]
@@ -39,22 +39,22 @@ class MissingResult(RuntimeError):
 
 
 class Lab:
-    """A bench, a folder, and a progress callback.
+    """A stand, a folder, and a progress callback.
 
-    folder: of parts and results; parts of another bench, fingerprint or setting are not reused.
-    pool: does the trials; the bench must then be one that can be pickled. Raises OSError if the
+    folder: of parts and results; parts of another stand, fingerprint or setting are not reused.
+    pool: does the trials; the stand must then be one that can be pickled. Raises OSError if the
     folder cannot be made.
     """
 
     def __init__(
         self,
-        bench: Bench,
+        stand: Stand,
         folder: Path,
         progress: Progress = lambda doing, done, total: None,
         fingerprint: str = "",
         pool: ProcessPoolExecutor | None = None,
     ):
-        self.bench = bench
+        self.stand = stand
         self.folder = Path(folder)
         self.progress = progress
         self._fingerprint = fingerprint
@@ -63,15 +63,15 @@ class Lab:
 
     @property
     def rate(self) -> float:
-        """Samples per second of the bench [1/s]."""
-        return self.bench.rate
+        """Samples per second of the stand [1/s]."""
+        return self.stand.rate
 
     def real(self, *sources: Source) -> tuple[Source, ...]:
         """Return sources of uncertainty that only a real module has, none for a simulated one.
 
         An interval that carried them in simulation could not be judged there: it would always hold.
         """
-        return () if RELEASE in self.bench.offers else sources
+        return () if RELEASE in self.stand.offers else sources
 
     def record(
         self, experiment: str, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial]
@@ -82,7 +82,7 @@ class Lab:
         before the first one runs. Raises Cancelled, NotPossible; finished parts stay stored.
         """
         for trial in trials.values():
-            require(trial, self.bench)
+            require(trial, self.stand)
         files, parts = {}, {}
         for name, trial in trials.items():
             files[name] = self._file(experiment, name, trial, reduce)
@@ -106,13 +106,13 @@ class Lab:
         return {name: parts[name] for name in trials}
 
     def run(self, experiment: Experiment, settings: Any) -> Result:
-        """Run an experiment; its result says on which bench. Raises as the experiment's `run`."""
-        return experiment.run(self, settings)._replace(bench=self.bench.name)
+        """Run an experiment; its result says on which stand. Raises as the experiment's `run`."""
+        return experiment.run(self, settings)._replace(bench=self.stand.name)
 
     def result(self, experiment: str) -> Result:
         """Return the stored result of an experiment. Raises MissingResult that names it.
 
-        One of another bench, such as another module's, is missing too.
+        One of another stand, such as another module's, is missing too.
         """
         try:
             found = load_result(self.folder, experiment)
@@ -120,10 +120,10 @@ class Lab:
             raise MissingResult(
                 f"the result of {experiment} is missing in {self.folder}: run {experiment} first"
             ) from None
-        if found.bench not in ("", self.bench.name):
+        if found.bench not in ("", self.stand.name):
             raise MissingResult(
-                f"the result of {experiment} in {self.folder} is from another bench "
-                f"({found.bench}; this one is {self.bench.name}): run {experiment} again"
+                f"the result of {experiment} in {self.folder} is from another stand "
+                f"({found.bench}; this one is {self.stand.name}): run {experiment} again"
             )
         return found
 
@@ -136,7 +136,7 @@ class Lab:
             def on_share(share: float, length: float = duration_of(trial)) -> None:
                 on_progress(share * length)
 
-            yield name, reduce(trial, self.bench.record(trial, on_share))
+            yield name, reduce(trial, self.stand.record(trial, on_share))
 
     def _pooled(
         self, trials: Mapping[str, AnyTrial], reduce: Reduce[AnyTrial], on_progress: Any
@@ -144,14 +144,14 @@ class Lab:
         """Do the longest trials first; an error cancels those that wait."""
         assert self._pool is not None
         ordered = sorted(trials.items(), key=lambda named: -duration_of(named[1]))
-        jobs = {name: (self.bench, trial, reduce) for name, trial in ordered}
+        jobs = {name: (self.stand, trial, reduce) for name, trial in ordered}
         return done_by(self._pool, reduced, jobs)
 
     def _file(self, experiment: str, name: str, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Path:
         function = getattr(reduce, "func", reduce).__qualname__
         arguments = (getattr(reduce, "args", ()), getattr(reduce, "keywords", {}))
-        bench = (self._fingerprint, self.bench.name, self.rate)
-        made_of = repr((*bench, trial, function, arguments))
+        stand = (self._fingerprint, self.stand.name, self.rate)
+        made_of = repr((*stand, trial, function, arguments))
         digest = hashlib.sha256(made_of.encode()).hexdigest()[:12]
         return self.folder / "parts" / experiment / f"{name}-{digest}.npz"
 
@@ -172,9 +172,9 @@ def done_by(
             future.cancel()
 
 
-def reduced(bench: Bench, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Part:
+def reduced(stand: Stand, trial: AnyTrial, reduce: Reduce[AnyTrial]) -> Part:
     """Do a trial and reduce its samples, in a worker process."""
-    return reduce(trial, bench.record(trial, lambda share: None))
+    return reduce(trial, stand.record(trial, lambda share: None))
 
 
 def _kept(file: Path) -> Part | None:

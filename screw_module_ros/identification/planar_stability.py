@@ -55,12 +55,12 @@ def run(lab: Lab, settings: Settings) -> Result:
                 loop=loop, structure_stiffness=stiffness
             )
     for trial in trials.values():
-        require(trial, lab.bench)
-    bench: Any = lab.bench  # a simulated one, which offers trials of the plane
+        require(trial, lab.stand)
+    stand: Any = lab.stand  # a simulated one, which offers trials of the plane
     errors = {name: error_of(part) for name, part in lab.record(NAME, trials, reduced).items()}
     quantities = []
     for stiffness in settings.stiffnesses:
-        robot = bench.world.planar._replace(structure_stiffness=stiffness)
+        robot = stand.world.planar._replace(structure_stiffness=stiffness)
         end, on = _name(stiffness), f"on a structure of {_said(stiffness)}"
         for which, mode in zip(("low", "high"), first_modes(Plane(robot)), strict=True):
             text = f"module {on}, joints and handle free, {which}er of two"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plane as one sampled loop in one function: what the in-process bench compiles.
+"""The plane as one sampled loop in one function: what the in-process stand compiles.
 
 One tick is one sample: both joints' counts and the newest force sample in, the planar law, and the
 plant's substeps, in which the torques of the tick before act until the delay is over. Law and plant
@@ -39,7 +39,7 @@ from ..plant.sensor import normal_pair, seeded
 from ..plant.settings import WorldSettings
 from .trials import OnProgress, PlanarTrial, Samples
 
-FORCE_COUNTS = 144.0  # of the transducer (3.1.9) [1/N]
+FORCE_COUNTS = 144.0  # counts of the transducer (3.1.9) [1/N]
 COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the force gain
 _SETTLE_S = 1.5
 

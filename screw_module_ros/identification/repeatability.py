@@ -12,7 +12,7 @@ from .figures import COLOURS, panels
 from .friction_map import FORCE, HEIGHT
 from .lab import Lab
 from .results import STAGE, Drawn, Experiment, Quantity, Result
-from .stage_runs import CENTRES_MM, binned, stage_run, too_near
+from .stage_runs import CENTRES_MM, binned, range_flaw, stage_run
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "repeatability"
@@ -31,7 +31,7 @@ class Settings(NamedTuple):
 
     def flaw(self) -> str:
         """Return what is wrong with too short a way."""
-        return too_near(self.low, self.high, 0.03)
+        return range_flaw(self.low, self.high, 0.03)
 
 
 def run(lab: Lab, settings: Settings) -> Result:

@@ -21,8 +21,8 @@ from rich.table import Table
 from ..control.laws import names
 from ..plant.settings import WorldSettings
 from . import force_error
-from .bench import LoopSettings
 from .results import MEASURED, Published, Quantity, Result
+from .stand import LoopSettings
 
 PREDICTION, INPUT, CHOSEN, CALCULATION = "prediction", "input", "chosen", "calculation"
 AGREES, COMPATIBLE, DIFFERS = "agrees", "compatible", "differs"

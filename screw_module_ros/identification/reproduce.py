@@ -20,11 +20,11 @@ from ..plant.settings import load_world
 from ..resources import resource_path
 from ..terminal import Console, command
 from . import coverage
-from .bench import InProcessBench, LoopSettings
 from .experiments import EXPERIMENTS
 from .lab import Lab, MissingResult, worker_pool
 from .page import write_page
 from .report import Module, Outcome, Report, shown
+from .stand import LoopSettings, SimulatedStand
 from .trials import NotPossible
 
 ON_EVERY_MODULE = (
@@ -159,12 +159,12 @@ def examine(
     world, loop = load_world(plant, seed), LoopSettings()
     name = "thesis" if seed is None else f"seed_{seed}"
     wanted = experiments or (EXPERIMENTS if seed is None else ON_EVERY_MODULE)
-    bench = InProcessBench(world, loop, seed=1 if seed is None else seed)
+    stand = SimulatedStand(world, loop, seed=1 if seed is None else seed)
 
     def progress(doing: str, done: float, total: float) -> None:
         on_progress(name, doing, done / total if total else 1.0)
 
-    lab = Lab(bench, folder / name, progress, _fingerprint(), pool)
+    lab = Lab(stand, folder / name, progress, _fingerprint(), pool)
     outcomes = {}
     for experiment in EXPERIMENTS:
         if experiment in wanted:

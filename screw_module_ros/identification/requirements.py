@@ -220,7 +220,10 @@ class Settings(NamedTuple):
     ] = figure("d_bandwidth")
 
 
-_DESIGN = figure("manus_design_factor") * figure("manus_material_factor")  # without the module
+_DESIGN = figure("manus_design_factor") * figure("manus_material_factor")
+
+
+"""Factor of the plane without the module."""
 
 
 class Row(NamedTuple):
@@ -250,7 +253,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     handle, plane = lab.result(delivered_impedance.NAME), lab.result(planar_impedance.NAME)
     weight = lab.result(gravity.NAME)
     drive = lab.result(back_drive.NAME)
-    module: Any = lab.bench  # a simulated one: there is no other with the plane's results
+    module: Any = lab.stand  # a simulated one: there is no other with the plane's results
     model = friction_model.friction_model_of(lab.result(friction_model.NAME))
     limits, planar = CommandLimits(), fields(PlanarSettings)
     fastest = model.fastest_mm_s * 1e-3

@@ -23,7 +23,7 @@ from .static_torque import desired_torque
 from .trials import Samples, TorqueTrial
 from .uncertainty import Source, bounded
 
-_WORST_CONDITION = 1e5  # of the fit: above it two parameters are not distinguishable
+_WORST_CONDITION = 1e5  # condition of the fit: above it two parameters are not distinguishable
 _POLE_KNOWN, _DELAY_KNOWN = 0.05, 0.2  # ours: as fig 4-6 is read, as amplifiers of a make differ
 _APART = 1e-6  # poles closer than this, relatively, are moved apart
 SETTLE_S = 0.05

@@ -44,7 +44,7 @@ CURVES = {
 """Laws of the figure. The controller lets the observer carry less the lighter the hand is; the
 linear loop of `observer` carries all of it, the other none."""
 SIMULATED, IDENTIFIED, NOMINAL = "of the simulated module", "identified", "of the settings"
-_RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
+_RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # multiples of the predicted gain
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
 RIGID = 1e12
@@ -109,7 +109,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         if not math.isnan(by_hand):  # it applies
             what = f"largest stable gain by the hand formula, feedback, {text}"
             quantities.append(Quantity(f"formula_{name}", by_hand, math.nan, "", what, DERIVED))
-        if settings.simulated and TRUTH in lab.bench.offers and environment.mass > 0.0:
+        if settings.simulated and TRUTH in lab.stand.offers and environment.mass > 0.0:
             quantities.append(_onset(lab, name, text, environment, predicted, settings.cutoff))
     plain = observer._replace(settings=observer.settings._replace(observer_inertia=0.0))
     curves = dict(zip(CURVES, (feedback, observer, plain), strict=True))
@@ -118,7 +118,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
     identified = NOMINAL if _identified(lab) is None else IDENTIFIED
-    masses = SIMULATED if TRUTH in lab.bench.offers else identified
+    masses = SIMULATED if TRUTH in lab.stand.offers else identified
     in_force |= {"law_version": law_version(), "masses": masses}
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
@@ -203,11 +203,11 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
 
     A simulated module has its own. Raises ValueError for identified masses out of range.
     """
-    if TRUTH not in lab.bench.offers:
+    if TRUTH not in lab.stand.offers:
         settings = _weighed(lab, settings)
         sampling = Sampling(settings.rate, settings.delay)
         return Mechanism(**_shared(settings)), sampling, settings.velocity_cutoff
-    module: Any = lab.bench  # a simulated one, which offers TRUTH
+    module: Any = lab.stand  # a simulated one, which offers TRUTH
     world, loop = module.world, module.loop
     mechanism = Mechanism(
         world.vertical.turning_mass, world.vertical.moving_mass,

@@ -25,14 +25,14 @@ RANGE_MM = BIN_MM * BINS  # 355 mm
 CENTRES_MM = BIN_MM * (np.arange(BINS) + 0.5)
 ORDER = 400  # thesis: map_filter_points; at 2 kHz, the same length in time at other rates
 DONT_CARE_HZ = 30.0  # [Hz] thesis: map_filter_band
-SETTLE_S = 0.03  # after the speed is steady; three time constants of the load's lag
+SETTLE_S = 0.03  # three time constants of the load's lag, at steady speed
 _DECADE = 10.0  # thesis: map_filter
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]
 _SAME_LEAD, _NO_LEAD = 0.01, 0.6
 """Difference of speeds that a positioning stage never has, and one that no screw explains."""
-_LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
+_LEAST_SHARE = 0.3  # share of a bin's nominal samples; a bin with fewer counts as not measured
 LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
 
 
@@ -167,6 +167,6 @@ def stage_run(speed: float, low: float, high: float, upside_down: bool = False) 
     return StageTrial(speed, *ends, upside_down=upside_down)
 
 
-def too_near(low: float, high: float, apart: float, why: str = "") -> str:
+def range_flaw(low: float, high: float, apart: float, why: str = "") -> str:
     """Return what is wrong unless `high` lies above `low` by `apart` [m], empty if nothing."""
     return "" if high - low >= apart else f"high must lie above low by {apart:g} m or more{why}"

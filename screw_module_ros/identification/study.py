@@ -45,7 +45,6 @@ from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from ..settings import SettingError
 from ..terminal import Console, command
-from .bench import InProcessBench, LoopSettings
 from .force_error import WALLS, wall, with_damping
 from .force_metric import LAST, judged
 from .lab import done_by, worker_pool
@@ -53,11 +52,12 @@ from .planar_error import CASES as PLANAR_TRIALS
 from .planar_error import Case as PlanarCase
 from .planar_error import error_of, hand_to, reduced
 from .report import shown
+from .stand import LoopSettings, SimulatedStand
 from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, PlaneLoop
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
 MODES = tuple(variants())
-CENTRE = 0.18  # of the spring [m]
+CENTRE = 0.18  # centre of the spring [m]
 _COUNTS = (2000, 4000, 8192, 20000)
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
@@ -65,7 +65,7 @@ _REACHES = {  # way [m] and time [s] of a minimum-jerk reach
     "reach 0.25 m in 0.6 s": (0.25, 0.6),
     "reach 1 m/s, 10 m/s2": (0.164, 0.308),  # peaks 1.875 d / t, 5.77 d / t^2
 }
-_AHEAD = 0.02  # of an obstacle from the centre [m]
+_AHEAD = 0.02  # distance of an obstacle from the centre [m]
 _SUDDEN_S = 0.02
 _SCHEDULER_S = 10.0
 
@@ -244,7 +244,7 @@ def measured(
     trial = case.trial(mode, law)
     if trial.motion.arm.mass:  # a wall has none, and no grip
         trial = trial._replace(grip=rig.grip)
-    samples = InProcessBench(world, rig.loop, seed, laws).record(trial, lambda share: None)
+    samples = SimulatedStand(world, rig.loop, seed, laws).record(trial, lambda share: None)
     period = float(samples.time[1] - samples.time[0])
     first = round(case.first / period)
     handle, velocity, force = samples.felt
@@ -281,7 +281,7 @@ def measured_plane(family: str, seed: int, kind: int, name: str) -> dict[str, fl
         trial = trial._replace(centre=(rig.centre[0], 0.0), direction=_TO_PATIENT)
     if trial.arm.mass:  # a wall has none, and no grip
         trial = trial._replace(grip=rig.grip)
-    samples = InProcessBench(rig.world, seed=seed).record(trial, lambda share: None)
+    samples = SimulatedStand(rig.world, seed=seed).record(trial, lambda share: None)
     found = error_of(reduced(trial, samples))
     first = round(trial.first / float(samples.time[1] - samples.time[0]))
     place, velocity, force = samples.felt
@@ -322,7 +322,7 @@ PLANE = Subject(
     {name: tuple(case.figures.split()) for name, case in PLANAR_CASES.items()},
     measured_plane,
 )
-Found = dict[str, dict[str, dict[int, list[float]]]]
+Outcomes = dict[str, dict[str, dict[int, list[float]]]]
 """By case, figure and mode: one value for each rig of a family, in the order of the seeds."""
 
 
@@ -375,7 +375,7 @@ def study(
             values[each] = figures_of
             bars.advance(bar)
     figures = {name: subject.figures[name] for name in names}
-    found: dict[str, Found] = {
+    found: dict[str, Outcomes] = {
         family: {
             name: {
                 figure: {
@@ -430,7 +430,7 @@ def executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
 
 
 def rows_of_rigs(
-    found: dict[str, Found], kinds: dict[int, str], seeds: range
+    found: dict[str, Outcomes], kinds: dict[int, str], seeds: range
 ) -> list[tuple[Any, ...]]:
     """Return a table with one row for each rig and kind, the first is its head."""
     columns = [
@@ -447,7 +447,7 @@ def rows_of_rigs(
     return rows
 
 
-def table_rows(found: Found, kinds: dict[int, str]) -> list[tuple[str, ...]]:
+def table_rows(found: Outcomes, kinds: dict[int, str]) -> list[tuple[str, ...]]:
     """Return the rows of a family's table, the first is its head; kinds: as in `Subject`."""
     rows = [("case", "figure", *kinds.values(), "wanted")]
     for name, figures in found.items():

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trials (one excitation of the module each), their samples, and the interface of a bench.
+"""Trials (one excitation of the module each), their samples, and the interface of a stand.
 
 An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
-live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
-node `characterize`) turns it into samples. A bench says what it `offers`;
+live graph and on the simulated module in process; a stand (`SimulatedStand`, or the live one of the
+node `characterize`) turns it into samples. A stand says what it `offers`;
 `require` refuses a trial that needs more, with the way out.
 
-Every bench measures the zero of the transducer before and after a trial, without load on handle or
+Every stand measures the zero of the transducer before and after a trial, without load on handle or
 rotor, and subtracts the straight line between the two, so that drift does not appear as friction.
 """
 
@@ -26,17 +26,17 @@ from ..plant.patient import RIGID, ArmForce, HandPath, resting
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
-WAY_S = 1.0  # in which a hand goes to where the trial wants it
+WAY_S = 1.0  # time in which a hand goes to where the trial wants it
 
 TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
 RELEASE, ONLY_IN_PROCESS, PRELOADED, TRUTH = "release", "only_in_process", "preloaded", "truth"
 WAYS_OUT = {
-    TORQUE: "a sine of torque on the locked rotor is not offered by this bench: mount the rotor's "
+    TORQUE: "a sine of torque on the locked rotor is not offered by this stand: mount the rotor's "
     "lock, or run this experiment with `make reproduce`",
     ANALYSER: "this trial needs a signal analyser on the servo amplifier, which the graph does not "
     "have: run the experiment in process",
-    STAGE: "this bench has no positioning stage: run this experiment with `make reproduce`",
-    MOTION: "no hand moves the handle on this bench: run this experiment with `make reproduce`",
+    STAGE: "this stand has no positioning stage: run this experiment with `make reproduce`",
+    MOTION: "no hand moves the handle on this stand: run this experiment with `make reproduce`",
     PLANE: "trials of the plane are only there in process: run this experiment with "
     "`make reproduce`",
     ONLY_IN_PROCESS: "a hand that presses sideways or trembles and a rig that changed are only "
@@ -47,7 +47,7 @@ WAYS_OUT = {
     RELEASE: "a hand that holds off the centre or lets go needs the simulated rig: choose cases in "
     "which the hand moves",
 }
-"""What a trial may need of a bench, and the way out where the bench lacks it. A bench that offers
+"""What a trial may need of a stand, and the way out where the stand lacks it. A stand that offers
 TRUTH is a simulated module: it has the attributes `world` and `loop`, and true samples."""
 
 OnProgress = Callable[[float], None]
@@ -55,11 +55,11 @@ OnProgress = Callable[[float], None]
 
 
 class Cancelled(Exception):
-    """The experiment was cancelled; the bench has switched the torque off."""
+    """The experiment was cancelled; the stand has switched the torque off."""
 
 
 class NotPossible(RuntimeError):
-    """The bench cannot do this trial; the message names the missing condition and the way out."""
+    """The stand cannot do this trial; the message names the missing condition and the way out."""
 
 
 class TorqueTrial(NamedTuple):
@@ -132,7 +132,7 @@ class MotionTrial(NamedTuple):
     amplitude of the hand's sideways force, at 2 rad/s [N]; tremor: of the hand [m]; released_after:
     time at which the hand lets go [s]; changed: seed of the rig's change since its calibration
     (`plant.settings.changed_later`), 0 = no change. side_force, tremor, changed and `preloaded`
-    need the bench in process, way and released_after a simulated module.
+    need the stand in process, way and released_after a simulated module.
     """
 
     mode: int
@@ -249,8 +249,8 @@ class Samples(NamedTuple):
         return self.handle, self.handle_velocity, self.true_force
 
 
-class Bench(Protocol):
-    """Interface of a bench. rate: samples per second [1/s]; name: for reports, another one for
+class Stand(Protocol):
+    """Interface of a stand. rate: samples per second [1/s]; name: for reports, another one for
     another module; serial: the module's number as its controller has it, empty if unknown; offers:
     what trials may need, of `WAYS_OUT` and TRUTH."""
 
@@ -279,8 +279,8 @@ _NEEDS = {
 }  # fmt: skip
 
 
-def require(trial: Trial, bench: Bench) -> None:
-    """Raise NotPossible with the way out if the bench lacks what a trial needs."""
+def require(trial: Trial, stand: Stand) -> None:
+    """Raise NotPossible with the way out if the stand lacks what a trial needs."""
     needs = {_NEEDS[type(trial)]: True}
     if isinstance(trial, MotionTrial):
         needs |= {
@@ -289,5 +289,5 @@ def require(trial: Trial, bench: Bench) -> None:
             RELEASE: bool(trial.way) or math.isfinite(trial.released_after),
         }
     for need, way_out in WAYS_OUT.items():
-        if needs.get(need) and need not in bench.offers:
+        if needs.get(need) and need not in stand.offers:
             raise NotPossible(way_out)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical axis as one sampled loop, which the in-process bench compiles.
+"""The vertical axis as one sampled loop, which the in-process stand compiles.
 
 One tick is one sample: encoder counts and quantised force, the law or a sine, the amplifier's
 torque chain, and the plant's substeps, in which earlier commands act until the delay has passed.
@@ -30,7 +30,7 @@ from ..plant.sensor import normal_pair
 from ..plant.vertical import vertical_step
 
 REST, SINE, LAW = 0, 1, 2
-SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
+SIDE_OMEGA = 2.0  # angular frequency of the sideways force [rad/s]
 # position, velocity, force, torque, command, current; truth: handle, its velocity, patient's force;
 # remaining share of the force gain
 COLUMNS = 10

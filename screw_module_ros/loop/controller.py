@@ -200,7 +200,7 @@ class VerticalController:
         assert self.answered is not None, "nothing was answered yet"
         self.meter.tick(self.answered.sequence, self.answered.monotonic_ns, now_ns)
 
-    def idle(self, now_ns: int) -> VerticalOutput | None:
+    def stop_when_silent(self, now_ns: int) -> VerticalOutput | None:
         """Return zero force when samples stop while a force is commanded, else None."""
         self._check(now_ns)
         if not self.reason or self.output.force == 0.0:
@@ -225,10 +225,10 @@ class VerticalController:
     def _check(self, now_ns: int) -> None:
         if self.lease.check(now_ns) and self.may_act:
             self.fault.set(LAPSED)
-        self.reason = self._checks.check(now_ns) or self._missing_force()
+        self.reason = self._checks.check(now_ns) or self._force_refusal()
         self._keep_fault()
 
-    def _missing_force(self) -> str:
+    def _force_refusal(self) -> str:
         """Return why the mode cannot run: it feeds back a force that was never measured."""
         if self._checks.force_seen or not self.laws.needs_force(self.mode):
             return ""

@@ -26,7 +26,7 @@ from ..control.torque_chain import (
 )
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
-from ..safety.checks import Stream, command_problem
+from ..safety.checks import Stream, command_flaw
 from ..safety.latch import Latch
 from ..safety.permit import CLOSED, Permit, PermitSettings
 from ..safety.timing import DeadlineMeter, empty_histogram, note_latency
@@ -34,7 +34,7 @@ from .ticker import Tick
 
 _LONGEST_STEP = 5  # periods; longest dt of the rate limit (the permit checks the command's age)
 _ANSWER = 0.1  # periods that the drive has to answer SYNC before the loop waits for the command
-_LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
+_LOOK_NS = 4_000_000  # time between looks at permission and missed deadlines
 
 Permission = Callable[[Permit, int], None]
 """Passes the supervisor's permission on; argument: time of now [ns]."""
@@ -176,7 +176,7 @@ class VerticalDrive:
         except DeviceError:
             pass
         try:
-            self.idle(now_ns)
+            self.serve_without_command(now_ns)
         except DeviceError:
             pass
 
@@ -201,7 +201,7 @@ class VerticalDrive:
         Zero torque is always written, whatever fault exists.
         """
         newer = self._commands.accept(sequence, monotonic_ns, now_ns)
-        implausible = command_problem(force) if newer else ""
+        implausible = command_flaw(force) if newer else ""
         self._fault.set(implausible)
         if self._fault.reason:
             self.permit.fault.set(self._fault.reason)
@@ -215,7 +215,7 @@ class VerticalDrive:
             self._write(0.0, now_ns)
         return accepted
 
-    def idle(self, now_ns: int) -> None:
+    def serve_without_command(self, now_ns: int) -> None:
         """Serve permit and drive without a new command; once a tick is enough.
 
         The last force stays until the permit finds it too old: a single late command must not cause

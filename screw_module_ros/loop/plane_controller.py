@@ -20,7 +20,7 @@ from ..control.slot import Reach, SlotLimits
 from ..devices.doubt import HOMING, Doubt
 from ..devices.motion import Motion
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
-from ..safety.checks import FreezeSettings, Frozen, Stream, force_problem
+from ..safety.checks import FreezeSettings, Frozen, Stream, force_flaw
 from ..safety.latch import Age, Latch
 from ..samples import ForceReading
 from ..settings import Setting
@@ -189,7 +189,7 @@ class PlaneController:
         if not self._forces.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return
         size = math.hypot(sample.fx, sample.fy)
-        problem = force_problem(sample, size, self._handle_force_limit)
+        problem = force_flaw(sample, size, self._handle_force_limit)
         self.fault.set(problem)
         self._force_age.note(sample.monotonic_ns)
         self._hand = _UNKNOWN if problem else (sample.fx, sample.fy)
@@ -287,7 +287,7 @@ class PlaneController:
         if self.homed or self._doubt.contradicted:
             shoulder, elbow = self.motions
             place = forward(shoulder.position, elbow.position, self.settings.arm)
-            if refused := self._doubt.rejection(mark, place, now_ns):
+            if refused := self._doubt.refusal(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False
                 return refused

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical loop, from the encoder to the torque: one period of the parts in this process.
+"""The vertical loop, from the encoder to the torque: one period of the roles in this process.
 
 ::
 
     tick -> SYNC and poll -> readings -> controller -> torque to the drive -> publish
 
-The separate nodes, the node `module` and the tests run this one loop. If a part runs in another
+The separate nodes, the node `module` and the tests run this one loop. If a role runs in another
 process, a wire (`Wires`: a topic) replaces the call.
 """
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:  # a loop of a sensor alone imports neither law nor drive
     from .controller import VerticalController
     from .drive import VerticalDrive
 
-_LOOK_NS = 10_000  # to read only frames that are already in the socket
+_LOOK_NS = 10_000  # time to read only frames that are already in the socket
 _LISTENS = 2  # periods
-_FORCE_WAIT = 0.1  # of a period: the wait for the force sample of the same tick
+_FORCE_WAIT = 0.1  # share of a period: the wait for the force sample of the same tick
 _TRY_AGAIN = 64  # periods between such waits while the sample is always late
 
 
-class Parts(NamedTuple):
-    """The parts of the loop; None: in another process, or not active.
+class Roles(NamedTuple):
+    """The roles of the loop; None: in another process, or not active.
 
     controller: a `VerticalController`, drive: a `VerticalDrive`.
     """
@@ -70,7 +70,7 @@ class Wires(NamedTuple):
 
 
 class VerticalLoop:
-    """One robot's vertical axis, or a part of it; the caller repeats `step`."""
+    """One robot's vertical axis, or a role of it; the caller repeats `step`."""
 
     def __init__(self, clock: Clock, period_ns: int, wires: Wires):
         self._clock, self._wires = clock, wires
@@ -80,18 +80,18 @@ class VerticalLoop:
         self._force_came = True  # during the last wait for it
         self._periods = 0
 
-    def step(self, parts: Parts) -> None:
+    def step(self, roles: Roles) -> None:
         """Do one period; whatever goes wrong in it, the drive gets a last zero."""
         try:
-            self._step(parts)
+            self._step(roles)
         except BaseException:
-            if parts.drive:
-                parts.drive.release(self._clock.now_ns())
+            if roles.drive:
+                roles.drive.release(self._clock.now_ns())
             raise
 
-    def _step(self, parts: Parts) -> None:
+    def _step(self, roles: Roles) -> None:
         """Do one period. A controller alone has no ticks: samples are its clock."""
-        encoder, force_sensor, controller, drive = parts
+        encoder, force_sensor, controller, drive = roles
         if controller and not (encoder or force_sensor or drive):
             self._one_sample(controller)
             return
@@ -99,15 +99,15 @@ class VerticalLoop:
             self._follow_commands(drive)  # of another process, at once, until the next tick
         tick = self._ticker.sleep()
         due_ns = self._ticker.due_ns()
-        for part in (encoder, force_sensor, drive):
-            if part:
-                part.begin(tick)
-        sample, force = self._readings(parts, due_ns)
+        for role in (encoder, force_sensor, drive):
+            if role:
+                role.begin(tick)
+        sample, force = self._readings(roles, due_ns)
         if drive and not controller:
             drive.await_answer(tick)  # the permit needs this tick's statusword
         now_ns = self._clock.now_ns()
-        output = self._act(parts, sample, force, now_ns)  # the torque first, then the topics
-        self._publish(parts, sample, force, output)
+        output = self._act(roles, sample, force, now_ns)  # the torque first, then the topics
+        self._publish(roles, sample, force, output)
         if drive:
             drive.end(tick, self._wires.permission)
             self._wires.publish_drive_state(tick.monotonic_ns)
@@ -120,8 +120,8 @@ class VerticalLoop:
     def _one_sample(self, controller: VerticalController) -> None:
         sample, force = self._received()
         now_ns = self._clock.now_ns()
-        parts = Parts(controller=controller)
-        self._act(parts, sample, force, now_ns)
+        roles = Roles(controller=controller)
+        self._act(roles, sample, force, now_ns)
         if sample is None and force is None:
             self._clock.sleep(BACK_OFF_S)
         self._update_controller(controller, None, now_ns)
@@ -129,14 +129,14 @@ class VerticalLoop:
     # Encoder and force sensor --------------------------------------------------------------
 
     def _readings(
-        self, parts: Parts, due_ns: int
+        self, roles: Roles, due_ns: int
     ) -> tuple[EncoderReading | None, ForceReading | None]:
         """Return the readings of encoder and force sensor; the drive never waits for the force.
 
         If the encoder did not answer the last tick, the force sensor comes first: the wait for the
         encoder may take the whole period.
         """
-        encoder, force_sensor = parts.encoder, parts.force_sensor
+        encoder, force_sensor = roles.encoder, roles.force_sensor
         sample = force = None
         force_first = self._encoder_is_silent
         if force_sensor and force_first:
@@ -145,13 +145,13 @@ class VerticalLoop:
             sample = encoder.answer(due_ns)
             self._encoder_is_silent = sample is None
         if force_sensor and not force_first:
-            force = self._force_answer(force_sensor, parts, due_ns)
+            force = self._force_answer(force_sensor, roles, due_ns)
         return sample, force
 
     def _force_answer(
-        self, force_sensor: PolledSensor[ForceReading], parts: Parts, due_ns: int
+        self, force_sensor: PolledSensor[ForceReading], roles: Roles, due_ns: int
     ) -> ForceReading | None:
-        if not (parts.controller or parts.drive):
+        if not (roles.controller or roles.drive):
             return force_sensor.answer(due_ns)
         wait_ns = self._force_wait_ns() or _LOOK_NS
         force = force_sensor.answer(min(due_ns, self._clock.now_ns() + wait_ns))
@@ -192,13 +192,13 @@ class VerticalLoop:
     # Law and torque ------------------------------------------------------------------------
 
     def _act(
-        self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now_ns: int
+        self, roles: Roles, sample: EncoderReading | None, force: ForceReading | None, now_ns: int
     ) -> VerticalOutput | None:
         """Turn the samples into torque; return the controller's output, or None.
 
         Without a usable sample the controller outputs zero once, in place of the last force.
         """
-        controller = parts.controller
+        controller = roles.controller
         if controller is None:
             return None
         if force is not None:
@@ -206,9 +206,9 @@ class VerticalLoop:
         output = controller.on_encoder(sample, now_ns) if sample is not None else None
         answers = output is not None
         if not answers:
-            output = controller.idle(now_ns)
+            output = controller.stop_when_silent(now_ns)
         if output is not None:
-            self._send(controller, parts.drive, output, now_ns)
+            self._send(controller, roles.drive, output, now_ns)
         if answers:
             controller.count(self._clock.now_ns())
         return output
@@ -240,17 +240,17 @@ class VerticalLoop:
 
     def _publish(
         self,
-        parts: Parts,
+        roles: Roles,
         sample: EncoderReading | None,
         force: ForceReading | None,
         output: VerticalOutput | None,
     ) -> None:
-        wires, controller = self._wires, parts.controller
+        wires, controller = self._wires, roles.controller
         if sample is not None:
             wires.publish_sample(sample)
         if force is not None:
             wires.publish_force(force)
-        if output is not None and parts.drive and controller and controller.answered:
+        if output is not None and roles.drive and controller and controller.answered:
             wires.publish_command(
                 controller.answered, output, controller.mode, controller.activation
             )

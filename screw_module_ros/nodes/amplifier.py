@@ -21,7 +21,7 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.profiles import DRIVE, load
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.samples import Command
@@ -41,7 +41,7 @@ from .support.states import (
 from .support.topics import offered, requested
 
 _NEXT_COMMANDS, _COMMANDS_S = 2, 0.05
-_AT_REST_S = 1.0  # in which a drive that is being disabled has come to rest
+_AT_REST_S = 1.0  # time in which a drive that is being disabled has come to rest
 
 
 class AmplifierSettings(NamedTuple):
@@ -56,9 +56,9 @@ class AmplifierSettings(NamedTuple):
 
 
 class AmplifierNode(DriveNode):
-    """SYNC and heartbeat on the tick, torque on the command. part: from the first `begin` on."""
+    """SYNC and heartbeat on the tick, torque on the command. role: from the first `begin` on."""
 
-    part: VerticalDrive
+    role: VerticalDrive
 
     def __init__(self) -> None:
         super().__init__("amplifier")
@@ -88,9 +88,9 @@ class AmplifierNode(DriveNode):
         largest = min(self._max_torque, largest_command(self._chain))
         settings = settings._replace(max_torque=largest)
         port = self.open_port(*settings.claims)
-        make = load(settings.profile, DRIVE)
+        profile = load(settings.profile, DRIVE)
         self.configure_drives(
-            Drive(port, settings, "vertical drive", per_turn=self._screw.lead, make=make)
+            Drive(port, settings, "vertical drive", per_turn=self._screw.lead, profile=profile)
         )
         self.check_bus_load(self.drives[0].traffic)
         self.get_logger().info(f"linearization: {self._state.calibration}")
@@ -104,8 +104,8 @@ class AmplifierNode(DriveNode):
         own = self.parameters.read(AmplifierSettings)
         (drive,) = self.drives
         # The motor does not cool by a new activation.
-        heat = self.part.heat(self.clock.now_ns()) if hasattr(self, "part") else COLD
-        self.part = VerticalDrive(
+        heat = self.role.heat(self.clock.now_ns()) if hasattr(self, "role") else COLD
+        self.role = VerticalDrive(
             drive,
             self.port,
             self.period_ns,
@@ -115,7 +115,7 @@ class AmplifierNode(DriveNode):
             heat,
         )
         self._state_due = Due(own.state_rate)
-        self._state.success_rate = self.part.meter.success_rate
+        self._state.success_rate = self.role.meter.success_rate
         wires = Wires(
             take_command=self.take_command,
             permission=self.permission,
@@ -132,7 +132,7 @@ class AmplifierNode(DriveNode):
 
     def step(self) -> None:
         """Do one period: SYNC on the tick, then torque on each command."""
-        self._loop.step(Parts(drive=self.part))
+        self._loop.step(Roles(drive=self.role))
 
     def take_command(self, until_ns: int) -> Command | None:
         """Wait for a command on the topic, until `until_ns` [ns] at most.
@@ -147,7 +147,7 @@ class AmplifierNode(DriveNode):
         """Publish the state when due."""
         if self._state_due(now_ns):
             self.stamp(self._state.header)
-            fill_amplifier(self._state, self.part, now_ns)
+            fill_amplifier(self._state, self.role, now_ns)
             self._publish(self._state)
 
     # Services ------------------------------------------------------------------------------
@@ -157,13 +157,13 @@ class AmplifierNode(DriveNode):
 
         Its own limit of the laws is less than a trial needs, and must be back after it.
         """
-        clock, permit, counted = self.clock, self.permit, self.part.meter
+        clock, permit, counted = self.clock, self.permit, self.role.meter
         before = counted.samples
         # A mode that was just set comes with the next commands.
         clock.wait_for(lambda: counted.samples > before + _NEXT_COMMANDS, _COMMANDS_S)
         (drive,) = self.drives
-        largest = min(self._max_torque, self.part.ready())
-        if largest == drive.told_limit:
+        largest = min(self._max_torque, self.role.ready())
+        if largest == drive.drive_limit:
             return ""
         if not clock.wait_for(lambda: permit.at_rest(clock.now_ns()), _AT_REST_S):
             return "the drive is not off yet: disable it first"
@@ -173,36 +173,36 @@ class AmplifierNode(DriveNode):
     @property
     def permit(self) -> Permit:
         """The gate with the drive."""
-        return self.part.permit
+        return self.role.permit
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
-        state, part, drive = self._state, self.part, self.drives[0]
+        state, role, drive = self._state, self.role, self.drives[0]
         now_ns, limits = self.clock.now_ns(), self._chain.limits
         values = {
-            **timing_values(state, part.meter),
-            **latency_values("own", part.own),
+            **timing_values(state, role.meter),
+            **latency_values("own", role.own),
             "state": drive.state(now_ns).text,
-            "motor heat [%]": f"{100.0 * part.heat(now_ns) / limits.continuous**2:.0f}",
+            "motor heat [%]": f"{100.0 * role.heat(now_ns) / limits.continuous**2:.0f}",
             "largest force [N]": f"{torque_to_force(limits.peak, self._screw):.0f}",
             "calibration": state.calibration,
             **device_values(drive.counters),
-            **self.port_values(part.skipped),
+            **self.port_values(role.skipped),
         }
         return self.drive_health(values, state)
 
 
-def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) -> None:
+def fill_amplifier(message: AmplifierState, role: VerticalDrive, now_ns: int) -> None:
     """Write the vertical drive's state into its message."""
-    drive, reading = part.drive, part.drive.reading
+    drive, reading = role.drive, role.drive.reading
     message.state = int(drive.state(now_ns))
     message.statusword = reading.statusword if reading else 0
     message.error_code = drive.error_code
-    fill_permit(message, part.permit)
-    message.commanded_force = part.asked
-    message.commanded_torque = part.last.torque
+    fill_permit(message, role.permit)
+    message.commanded_force = role.asked
+    message.commanded_torque = role.last.torque
     message.measured_torque = reading.torque if reading else 0.0
-    message.position = part.position
-    message.saturated = part.last.saturated
-    message.commands = part.meter.samples
-    fill_latencies(message, part.meter, now_ns)
+    message.position = role.position
+    message.saturated = role.last.saturated
+    message.commands = role.meter.samples
+    fill_latencies(message, role.meter, now_ns)

@@ -10,7 +10,7 @@ from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError, NotNow
 from screw_module_ros.geometry import Screw
-from screw_module_ros.loop.vertical import Parts, Wires
+from screw_module_ros.loop.vertical import Roles, Wires
 from screw_module_ros.profiles import ENCODER, load
 from screw_module_ros.samples import EncoderReading
 
@@ -32,8 +32,8 @@ class EncoderNode(SensorNode):
         """Find and configure the encoder."""
         settings = self.parameters.read(EncoderSettings)
         port = self.open_port(*settings.claims)
-        make = load(settings.profile, ENCODER)
-        encoder = Encoder(port, settings, self.parameters.read(Screw), make)
+        profile = load(settings.profile, ENCODER)
+        encoder = Encoder(port, settings, self.parameters.read(Screw), profile)
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)
         self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
 
@@ -42,7 +42,7 @@ class EncoderNode(SensorNode):
         if not self.device.configured:
             self.device.configure()
         self.start_samples(Wires(publish_sample=self.publish))
-        self.parts = Parts(encoder=self.part)
+        self.roles = Roles(encoder=self.role)
 
     def end(self) -> None:
         """Stop the samples."""

@@ -35,7 +35,7 @@ from .support.states import OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
 _NAN = math.nan
-_CARRIED_S = 0.02  # for which a velocity is good for a position
+_CARRIED_S = 0.02  # time for which a velocity is good for a position
 _JOINTS_EVERY = 2
 _INPUTS = {
     graph.ENCODER: graph.ENCODER_DECIMATED,

@@ -14,7 +14,7 @@ from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.devices.tare import zero_error
-from screw_module_ros.loop.vertical import Parts, Wires
+from screw_module_ros.loop.vertical import Roles, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
@@ -26,9 +26,9 @@ from .support.topics import offered
 from .support.wire import pack_force
 
 _GATHER_S = 3.0
-_WATCHED_S = 2.0  # of the force in which nobody seems to hold the handle
+_WATCHED_S = 2.0  # time of quiet force after which nobody seems to hold the handle
 _JUMPS = "would jump"
-_FED_BACK = graph.AMPLIFIER_STATE, graph.MANUS_STATE  # of those that feed the force back
+_FED_BACK = graph.AMPLIFIER_STATE, graph.MANUS_STATE  # states of the axes that feed the force back
 _ZERO_ERROR = "error of the zero, if nothing hangs on the handle"
 
 
@@ -75,7 +75,7 @@ class ForceSensorNode(SensorNode):
             self.device.configure()
         self._recent = []
         self.start_samples(Wires(publish_force=self.publish))
-        self.parts = Parts(force_sensor=self.part)
+        self.roles = Roles(force_sensor=self.role)
 
     def end(self) -> None:
         """Stop polling."""

@@ -24,7 +24,7 @@ from screw_module_ros.calibration.selection import (
 )
 from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control.excitation import Excitation, from_numbers
-from screw_module_ros.control.guard import guarded
+from screw_module_ros.control.gain_guard import guarded
 from screw_module_ros.control.law import Law
 from screw_module_ros.control.laws import (
     FIRST,
@@ -34,7 +34,7 @@ from screw_module_ros.control.laws import (
     all_names,
     law_of,
     loaded,
-    refused,
+    refusal,
 )
 from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.slot import SlotLimits
@@ -42,7 +42,7 @@ from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting, SettingError
@@ -67,7 +67,7 @@ from .support.wire import pack_command
 
 _MODES = ", ".join(f"{mode} {name}" for mode, name in all_names().items())
 _SAFETY_AGE_NS = 200_000_000
-_LOOK_NS = 10_000_000  # between looks at the supervisor's resets, which come at 50 Hz
+_LOOK_NS = 10_000_000  # time between looks at the supervisor's resets, which come at 50 Hz
 _NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 _WITHOUT_LIMITS = (
     "this mode feeds the handle's force back, and the module has no gain limits of its own: "
@@ -109,10 +109,10 @@ class ControllerSettings(NamedTuple):
 class ImpedanceControllerNode(Node):
     """Encoder sample in, force command out; zero force while the watch has a latched fault.
 
-    part: from the first `begin` on.
+    role: from the first `begin` on.
     """
 
-    part: VerticalController
+    role: VerticalController
 
     def __init__(self) -> None:
         super().__init__("impedance_controller")
@@ -195,8 +195,8 @@ class ImpedanceControllerNode(Node):
 
     def _tell_limits(self, limits: GainLimits, law: VerticalSettings) -> None:
         """Log what the gains in use are worth in the model from which their limits come."""
-        if limits.outdated:
-            self.get_logger().warning(limits.outdated)
+        if limits.feedback_refusal:
+            self.get_logger().warning(limits.feedback_refusal)
         elif exceeded := limits.exceeded(law):
             self.get_logger().warning(
                 f"gain limits are those of a linear model, in which these gains are unstable on "
@@ -220,7 +220,7 @@ class ImpedanceControllerNode(Node):
         """Start with zero force and the set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
         self._activations += 1  # a new process takes longer than the gate waits for a command
-        self.part = VerticalController(
+        self.role = VerticalController(
             self._friction.law(self.parameters.read(VerticalSettings).validated()),
             self._friction.model,
             self.parameters.read(WatchSettings, "watch"),
@@ -235,7 +235,7 @@ class ImpedanceControllerNode(Node):
         )
         self._resets: int | None = None  # as the supervisor counts them
         self._look_ns = 0  # when to look at them next
-        self._state_message.success_rate = self.part.meter.success_rate
+        self._state_message.success_rate = self.role.meter.success_rate
         self._state_due = Due(chosen.state_rate)
         wires = Wires(
             take_sample=self.next_sample,
@@ -248,9 +248,9 @@ class ImpedanceControllerNode(Node):
 
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""
-        part = getattr(self, "part", None)
-        if part and part.answered is not None:
-            self.publish_command(part.answered, NO_FORCE, part.mode, part.activation)
+        role = getattr(self, "role", None)
+        if role and role.answered is not None:
+            self.publish_command(role.answered, NO_FORCE, role.mode, role.activation)
         self._put_back()
 
     def disconnect(self) -> None:
@@ -269,8 +269,8 @@ class ImpedanceControllerNode(Node):
             known = ", ".join(f"{number} {name}" for number, name in self._names.items())
             return f"mode = {mode}: one of {known} is wanted; `laws` brings those of others"
         if not self.configured:
-            return self._refused(law, mode, changes)
-        if self._may_act and mode != self.part.mode and EXCITATION in (mode, self.part.mode):
+            return self._law_refusal(law, mode, changes)
+        if self._may_act and mode != self.role.mode and EXCITATION in (mode, self.role.mode):
             return _NOT_NOW
         return self._problem(law, mode, changes)
 
@@ -278,17 +278,19 @@ class ImpedanceControllerNode(Node):
         """Return the settings of a law of others."""
         return self.parameters.read(law.settings, law.name, changes)
 
-    def _refused(self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any]) -> str:
+    def _law_refusal(
+        self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any]
+    ) -> str:
         """Return why the law of a mode cannot run with its settings."""
         law = law_of(mode, self._laws)
         if law is None:
             return ""
         own = self._settings_of(law, changes) if law in self._foreign else settings
-        return refused(law, own, mode)
+        return refusal(law, own, mode)
 
     @property
     def _may_act(self) -> bool:
-        return self.active and self.part.may_act
+        return self.active and self.role.may_act
 
     def fixed(self, kind: type) -> bool:
         """Let a trial, which has a lease, have any law while no torque acts."""
@@ -303,36 +305,36 @@ class ImpedanceControllerNode(Node):
         own, limits = self.parameters.read(GainLimitsSettings), self._limits
         law = law_of(mode, self._laws)
         if law is None or own.beyond_gain_limits:
-            return self._refused(settings, mode, changes)
+            return self._law_refusal(settings, mode, changes)
         if own.gain_limits_required:
             if law in self._foreign:
                 return _NOT_JUDGED.format(law=law.name, mode=self._names[mode])
             if law.variants[mode].gains:
                 if limits is None:
                     return _WITHOUT_LIMITS
-                if limits.outdated:
-                    return limits.outdated
+                if limits.feedback_refusal:
+                    return limits.feedback_refusal
         rate = self.parameters.read(RateSettings).rate
         beyond = limits.refusal(settings, mode, rate) if limits else ""
-        return beyond or self._refused(settings, mode, changes)
+        return beyond or self._law_refusal(settings, mode, changes)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
         if kind is VerticalSettings and self.configured:
             self._name_calibration()
         if kind is VerticalSettings and self.active:
-            self.part.settings = self._friction.law(self.parameters.read(VerticalSettings))
+            self.role.settings = self._friction.law(self.parameters.read(VerticalSettings))
         elif kind is ControllerSettings and self.active:
-            self.part.mode = self.parameters.read(ControllerSettings).mode
+            self.role.mode = self.parameters.read(ControllerSettings).mode
         elif self.active:
             for law in (law for law in self._foreign if law.settings is kind):
-                self.part.laws.choose(law.name, self._settings_of(law))
+                self.role.laws.choose(law.name, self._settings_of(law))
 
     # Hot loop ------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Wait for an encoder sample and answer it with a command."""
-        self._loop.step(Parts(controller=self.part))
+        self._loop.step(Roles(controller=self.role))
 
     def next_sample(self, until_ns: int) -> EncoderReading | None:
         """Return the newest encoder sample; wait for it until `until_ns` at most."""
@@ -353,7 +355,7 @@ class ImpedanceControllerNode(Node):
 
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot, amplifier state and resets, if they come by a topic."""
-        controller = self.part
+        controller = self.role
         self._slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
@@ -376,7 +378,7 @@ class ImpedanceControllerNode(Node):
         wanted = Excitation(
             request.id, request.amplitude, request.frequency, request.ticks, linearization
         )
-        controller = self.part
+        controller = self.role
         if refused := wanted.refusal(1e9 / self._period_ns):
             controller.set_fault(f"excitation: {refused}" if controller.lease.held else "")
             return
@@ -388,7 +390,7 @@ class ImpedanceControllerNode(Node):
 
     def _end_lease(self) -> None:
         """Put back what a trial has changed when its lease has lapsed and no torque acts."""
-        if self._before_trial and self.part.lease.lapsed and not self._may_act:
+        if self._before_trial and self.role.lease.lapsed and not self._may_act:
             self._put_back()
 
     def _put_back(self) -> None:
@@ -398,14 +400,14 @@ class ImpedanceControllerNode(Node):
             self.get_logger().error(f"settings before the trial not put back: {refused}")
             return
         self._before_trial = {}
-        self.part.lease.end()
+        self.role.lease.end()
 
     def publish_state(self, now_ns: int) -> None:
         """Publish the state, when it is due."""
         if self._state_due(now_ns):
             self.stamp(self._state_message.header)
-            fill_controller(self._state_message, self.part, now_ns)
-            self._state_message.law = self._versions[self.part.laws.law.name]
+            fill_controller(self._state_message, self.role, now_ns)
+            self._state_message.law = self._versions[self.role.laws.law.name]
             self._publish_state(self._state_message)
 
     def _follow_supervisor(self, now_ns: int) -> None:
@@ -414,7 +416,7 @@ class ImpedanceControllerNode(Node):
         if safety is None:
             return
         if self._resets is not None and safety.resets > self._resets:
-            self.part.reset(now_ns)
+            self.role.reset(now_ns)
         self._resets = safety.resets
 
     # Services ------------------------------------------------------------------------------
@@ -427,11 +429,11 @@ class ImpedanceControllerNode(Node):
     @property
     def alarm(self) -> str:
         """The controller's latched fault."""
-        return self.part.fault.reason
+        return self.role.fault.reason
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        state, controller = self._state_message, self.part
+        state, controller = self._state_message, self.role
         values = {
             **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
@@ -452,12 +454,12 @@ class ImpedanceControllerNode(Node):
 
     def _exceeded(self) -> str:
         """Return which gains in use are unstable in the limits' model, and on which loads."""
-        if self._limits is None or self._limits.outdated:
+        if self._limits is None or self._limits.feedback_refusal:
             return "not known"
-        return self._limits.exceeded(self.part.settings) or "none"
+        return self._limits.exceeded(self.role.settings) or "none"
 
     def _age_text(self, now_ns: int) -> str:
-        sample = self.part.answered
+        sample = self.role.answered
         return "never" if sample is None else f"{(now_ns - sample.monotonic_ns) * 1e-9:.4f}"
 
 

@@ -12,7 +12,7 @@ from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.control.guard import guarded
+from screw_module_ros.control.gain_guard import guarded
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
@@ -92,15 +92,15 @@ class ManusNode(DriveNode):
                 f"{pose[1]:.2f} rad, beyond shoulder_*, elbow_* or between_*: base, side of the "
                 "elbow and joint limits must fit together"
             )
-        make = load(self.parameters.read(SharedSettings).profile, DRIVE)
+        profile = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
-            adapted(self._drive_settings("shoulder", law.shoulder_torque), make.drive),
-            adapted(self._drive_settings("elbow", law.elbow_torque), make.drive),
+            adapted(self._drive_settings("shoulder", law.shoulder_torque), profile.drive),
+            adapted(self._drive_settings("elbow", law.elbow_torque), profile.drive),
         ]
         port = self.open_port(*dict.fromkeys(name for each in settings for name in each.claims))
         beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
         shoulder, elbow = (
-            Drive(port, each, f"{joint} drive", beat, make=make)
+            Drive(port, each, f"{joint} drive", beat, profile=profile)
             for joint, each in zip(JOINTS, settings, strict=True)
         )
         self.configure_drives(shoulder, elbow)

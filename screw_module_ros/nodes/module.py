@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import period_of
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.settings import SettingError
 
 from .amplifier import AmplifierNode
@@ -52,7 +52,7 @@ def run(nodes: list[Any]) -> None:
     loop = VerticalLoop(encoder.clock, period_ns, wires)
 
     def step(active: list[Node]) -> None:
-        loop.step(Parts(*(node.part if node in active else None for node in nodes)))
+        loop.step(Roles(*(node.role if node in active else None for node in nodes)))
 
     run_loop(nodes, step)
 

@@ -31,7 +31,7 @@ from .support.inbox import HotGroup, awaited, never, new_wait_set
 from .support.topics import offered
 
 LOG = "/rosout"
-_BESIDE = (LOG, "/parameter_events")  # of every node, so not in the table of the graph
+_BESIDE = (LOG, "/parameter_events")  # topics of every node, so not in the table of the graph
 _THINNED = (graph.ENCODER_DECIMATED, graph.FORCE_DECIMATED)  # their content is in the full topics
 _DEPTH = 2000  # messages in a queue: two seconds of a 1 kHz topic
 _AT_ONCE = 4000  # messages of one topic at most, before the other topics follow

@@ -45,7 +45,7 @@ from .support.runtime import main as run_node
 from .support.states import ERROR, OK, WARN, Health
 from .support.topics import offered
 
-_IDLE_S = 0.05
+_POLL_S = 0.05
 _MOST_IN_A_SECOND = 100
 _STAMP_LENGTH = len("session_2001_01_31-12_00_00")
 
@@ -119,7 +119,7 @@ class SessionRecorder(Node):
         """Empty the queues."""
         if self._taps is None:
             self.clock.idle()  # without a recording this thread does not hold simulated time
-            self.stopping.wait(_IDLE_S)
+            self.stopping.wait(_POLL_S)
             return
         self._ticker.sleep()
         with self._lock:
@@ -249,7 +249,7 @@ class SessionRecorder(Node):
                 lost = f"{status.dropped} messages were not written"
                 self.get_logger().warning(f"the disk has room, the recording goes on: {lost}")
 
-    def _hindrance(self) -> str:
+    def _start_refusal(self) -> str:
         """Return why `~/start` would fail to create a bag, empty if no reason is known."""
         try:
             if name := self._named():
@@ -270,7 +270,7 @@ class SessionRecorder(Node):
         taps = self._taps
         status = self._last if taps is None else taps.recording.status()
         values: dict[str, object] = {"recording": bool(taps and status and status.records)}
-        refusal = self._refusal or ("" if taps else self._hindrance())
+        refusal = self._refusal or ("" if taps else self._start_refusal())
         if status is None:
             return Health(ERROR if refusal else OK, refusal or "not recording", values)
         values |= {

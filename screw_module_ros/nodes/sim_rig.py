@@ -39,7 +39,7 @@ from .support.topics import offered
 _ANSWER_S = 1.0
 _SLOW, _NO_LONGER_SLOW = 0.5, 0.6  # of real time, or of the speed that is asked for
 _PATIENCE_NS = 4_000_000_000  # ros2 launch sends SIGTERM after 5 s
-_SILENT_NS = 300_000_000  # after this time without a frame no node is left
+_SILENT_NS = 300_000_000  # time without a frame after which no node is left
 _WALL = WallClock()
 _CLOCK_RATE = graph.TOPICS[graph.CLOCK].rate
 

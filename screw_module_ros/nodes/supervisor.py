@@ -31,7 +31,7 @@ from screw_module_ros.settings import Setting
 
 from .support.answering import Done
 from .support.node import Node
-from .support.place import Kept
+from .support.place import SavedState
 from .support.states import ERROR, OK, WARN, Health, RateMeter, at_base
 from .support.topics import Newest, offered, requested
 
@@ -56,7 +56,7 @@ class SupervisorNode(Node):
         super().__init__("supervisor")
         self.parameters.declare(SupervisorSettings, SupervisionSettings)
         self._message = at_base(SafetyState)
-        self._kept = Kept(self.get_fully_qualified_name())
+        self._kept = SavedState(self.get_fully_qualified_name())
         self._saved = True
         self._state = self._restored()
         # The loop decides, services change the state; both fill the same message.

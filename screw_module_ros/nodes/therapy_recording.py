@@ -26,11 +26,11 @@ from .support.topics import is_served, requested
 RECORDER = "session_recorder"
 BEGUN, REFUSED, LOST = "begun", "refused", "lost"
 """What `follow` returns."""
-_FOUND_NS = 5_000_000_000  # for which a recorder that was just started may stay undiscovered
-_ANSWER_NS = 10_000_000_000  # in which a recorder that was found must answer
-_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
-_LATEST_NS = 5_000_000_000  # from there until it must have subscribed to what a session needs
-_OLD_NS = 3_000_000_000  # of a report that comes once a second: the recorder has gone
+_FOUND_NS = 5_000_000_000  # time for which a recorder that was just started may stay undiscovered
+_ANSWER_NS = 10_000_000_000  # time in which a recorder that was found must answer
+_HEARS_NS = 1_000_000_000  # time from the recorder's answer until its subscriptions hear everybody
+_LATEST_NS = 5_000_000_000  # time from there until it must have subscribed to what a session needs
+_OLD_NS = 3_000_000_000  # age of a report that comes once a second: the recorder has gone
 _NEEDED = (
     graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
 )  # fmt: skip
@@ -96,7 +96,7 @@ class SessionRecording:
         is_news = now_ns - self._heard_ns < _OLD_NS
         return owner if is_news and rest and PATTERN.fullmatch(owner) and owner != patient else ""
 
-    def hindrance(self, patient: str, recorded: bool, now_ns: int) -> str:
+    def start_refusal(self, patient: str, recorded: bool, now_ns: int) -> str:
         """Return why no session of a patient can start now, empty if it can.
 
         The last one's bag is still being written; or the session would not be recorded and come

@@ -157,7 +157,7 @@ class TherapySessionNode(Node):
             return
         if self._silent(now_ns):
             self._change(session, session.pause, f"{graph.ENDPOINT_STATE} is silent")
-        if reason := self._attendance.missed(now_ns):
+        if reason := self._attendance.pause_reason(now_ns):
             self._change(session, session.pause, reason)
 
     def _is_under_way(self) -> bool:
@@ -253,8 +253,8 @@ class TherapySessionNode(Node):
         if self._sample is None:
             return "no endpoint_state has come yet"
         now_ns = self.clock.now_ns()
-        if hindrance := self._recording.hindrance(patient, request.record, now_ns):
-            return hindrance
+        if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
+            return start_refusal
         self._attendance.begin(request.attended, now_ns)
         self._patient, self._definition = patient, definition
         self._state.definition_sha256 = sha256(definition)

@@ -31,7 +31,7 @@ from .support.node import Node
 from .support.place import root_folder, state_folder
 from .support.states import OK, Health
 
-_IDLE_S = 0.05
+_POLL_S = 0.05
 
 
 class BridgeSettings(NamedTuple):
@@ -141,7 +141,7 @@ class WebBridgeNode(Node):
     def step(self) -> None:
         """Serve for a moment; by wall clock, as in browsers."""
         self.clock.idle()
-        self._loop.run_until_complete(self._server.turn(_IDLE_S))
+        self._loop.run_until_complete(self._server.turn(_POLL_S))
 
     def health(self) -> Health:
         """Report the connected clients."""

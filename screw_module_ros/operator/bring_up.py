@@ -36,7 +36,7 @@ _LOOK_S, _ANSWER_S = 0.02, 6.0
 _AGAIN_S = 1.1
 """A homing or tare that contradicts the last one counts when it is requested again, 1 s to 15 s
 later; the force sensor's diagnostics show a tare within 1 s."""
-_MORE_S = 0.1  # than the ramp, until all torque acts
+_MORE_S = 0.1  # time beyond the ramp until all torque acts
 
 
 class Hand(Protocol):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..settings import shown
 from .module import LOCKED_ROTOR, STAGE
 
-NAMES = ("human_arm", "free", "stage", "locked_rotor")  # by number
+NAMES = ("human_arm", "free", "stage", "locked_rotor")  # names by number
 PLACING_SPEED = 0.1  # [m/s]
 PLACED = 2e-6  # tolerance of the desired height [m]
 FASTEST = 1.0  # speed of the stage [m/s]

@@ -31,9 +31,9 @@ from ..settings import Field, Setting, fields, problem, shown
 
 ACTIVE, RELAXED, TREMOR, WEAK = "active", "relaxed", "tremor", "weak"
 KINDS = (ACTIVE, RELAXED, TREMOR, WEAK)
-RELAXED_SHARE = 0.1  # of the stiffness
-TREMOR_AMPLITUDE = 0.008  # of the virtual hand [m]
-TREMOR_OMEGA = 2.0 * math.pi * 5.0  # within the 4-6 Hz of rest tremor [rad/s]
+RELAXED_SHARE = 0.1  # share of the stiffness
+TREMOR_AMPLITUDE = 0.008  # amplitude of the virtual hand [m]
+TREMOR_OMEGA = 2.0 * math.pi * 5.0  # angular frequency in the 4-6 Hz of rest tremor [rad/s]
 WEAK_FORCE = 8.0  # the most a weak arm pushes or pulls [N]
 
 Triple = tuple[float, float, float]
@@ -258,7 +258,7 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
 def with_traits(arm: HumanArm, traits: Sequence[str], values: Sequence[float]) -> HumanArm:
     """Return the arm with other values of the named `TRAITS`.
 
-    Raises ValueError for what `wrong_trait` finds, a name that comes twice, and lists that differ
+    Raises ValueError for what `trait_flaw` finds, a name that comes twice, and lists that differ
     in length.
     """
     if len(traits) != len(values):
@@ -268,13 +268,13 @@ def with_traits(arm: HumanArm, traits: Sequence[str], values: Sequence[float]) -
     if len(set(traits)) < len(traits):
         raise ValueError(f"traits = {shown(list(traits))}: name each once")
     for name, value in zip(traits, values, strict=True):
-        if wrong := wrong_trait(name, value):
+        if wrong := trait_flaw(name, value):
             raise ValueError(wrong)
         arm = _replaced(arm, name, float(value))
     return arm
 
 
-def wrong_trait(name: str, value: float) -> str:
+def trait_flaw(name: str, value: float) -> str:
     """Return what is wrong with a value of the trait `name`, empty if nothing."""
     if name in TRAITS:
         return problem(TRAITS[name], value)

@@ -31,7 +31,7 @@ CLOSED, RECOVERED, EARLY = "closed", "recovered", "ended early"
 METADATA_FILE = "metadata.yaml"
 LIBRARY = "screw_module_ros"
 """Our name in the header of a file."""
-_VERSION = 9  # of metadata.yaml in Jazzy
+_VERSION = 9  # version of metadata.yaml in Jazzy
 _MASK = 0xFFFFFFFF
 _WAITS = "writing the bag waits for room on the disk: {}"
 
@@ -134,9 +134,9 @@ class Bag:
         return self._files[-1].size
 
     @property
-    def full(self) -> str:
+    def held_reason(self) -> str:
         """Why the disk takes nothing at present, empty if it does."""
-        return self._files[-1].full
+        return self._files[-1].held_reason
 
     def _next_file(self) -> None:
         self._make_file()
@@ -222,7 +222,7 @@ class Bag:
         """Bring what was written to the disk. Raises BagFullError, BagError."""
         with self._writing():
             if not file.flush():
-                raise BagFullError(_WAITS.format(file.full))
+                raise BagFullError(_WAITS.format(file.held_reason))
 
     def close(self, state: str = CLOSED) -> None:
         """Write index, footer and metadata.yaml; a second call does nothing.

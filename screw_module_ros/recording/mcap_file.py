@@ -38,8 +38,8 @@ class McapFile:
     """One MCAP file as `mcap.Writer` writes it, with counts, times and a running hash.
 
     size: with what waits for room on the disk [B]. safe: size after the last flush [B]. begin, end:
-    first and last log time [ns]. full: why the disk takes nothing at present, empty if it does.
-    finished: whether the index was written.
+    first and last log time [ns]. held_reason: why the disk takes nothing at present, empty if it
+    does. finished: whether the index was written.
     """
 
     def __init__(self, path: Path, chunk_size: int):
@@ -47,7 +47,7 @@ class McapFile:
         self._raw = open(path, "xb", buffering=0, opener=owner_only)
         self._sha = hashlib.sha256()
         self._waiting = bytearray()
-        self.full, self.finished = "", False
+        self.held_reason, self.finished = "", False
         self.size = self.safe = self.messages = 0
         self.begin = self.end = NO_TIME
         self.schemas: dict[tuple[str, str], int] = {}
@@ -66,14 +66,14 @@ class McapFile:
         self._push()
 
     def _push(self) -> None:
-        self.full = ""
+        self.held_reason = ""
         while self._waiting:
             try:
                 written = self._raw.write(self._waiting)  # a nearly full disk takes a part
             except OSError as error:
                 if error.errno not in FULL:
                     raise
-                self.full = error.strerror or "the disk is full"
+                self.held_reason = error.strerror or "the disk is full"
                 return
             del self._waiting[:written]
 
@@ -83,7 +83,7 @@ class McapFile:
         Raises OSError, also if the file was deleted or moved.
         """
         self._push()
-        if self.full:
+        if self.held_reason:
             return False
         os.fdatasync(self._raw.fileno())
         os.stat(self.path)

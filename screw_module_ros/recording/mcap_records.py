@@ -35,7 +35,7 @@ _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics, Opcode.METADATA: Metadata, Opcode.CHUNK_INDEX: ChunkIndex,
 }  # fmt: skip
-_PRIVATE = 0x80  # from here on anybody may add kinds of records
+_PRIVATE = 0x80  # first kind of record that anybody may add
 # A record of less than 4 GiB: the upper half of its length is zero.
 _CHUNK_HEAD = re.compile(rb"\x06(?=.{4}\0{4})", re.DOTALL)
 _ANY_HEAD = re.compile(rb"[\x05\x06](?=.{4}\0{4})", re.DOTALL)

@@ -52,8 +52,8 @@ def recover(bag: Path | str, out: Path | str | None = None) -> Recovered:
                 times = message.log_time, message.publish_time
                 channel = channels[topic.name]
                 copy.write([Message(channel, *times, message.sequence, message.data)])
-                if copy.full:  # what waits for room would fill the memory
-                    raise BagError(f"the copy cannot be written: {copy.full}")
+                if copy.held_reason:  # what waits for room would fill the memory
+                    raise BagError(f"the copy cannot be written: {copy.held_reason}")
             for topic in file.topics.values():
                 if topic.name not in channels:
                     channels[topic.name] = copy.add_topic(topic)

@@ -84,14 +84,14 @@ def build_devices(
 
     Raises SettingError for a profile that does not exist.
     """
-    make = load(settings.drive_profile, DRIVE)
+    profile = load(settings.drive_profile, DRIVE)
     if "encoder" in ports:
         link = Link(ports["encoder"], "encoder")
         encoder = load(settings.encoder_profile, ENCODER)
         yield SimulatedEncoder(link, settings.encoder_node, physics.world, encoder)
     if "drive" in ports:
         axis = VerticalAxis(physics, 1.0 / settings.torque_constant)
-        yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics, make)
+        yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics, profile)
     if "force_sensor" in ports:
         link = Link(ports["force_sensor"], "force_sensor")
         protocol = load(settings.sensor_profile, FORCE_SENSOR).force_sensor.protocol
@@ -100,7 +100,7 @@ def build_devices(
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
             joint, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
-            yield _drive(name, ports["planar"], rating, joint, physics, make)
+            yield _drive(name, ports["planar"], rating, joint, physics, profile)
 
 
 def vertical_rating(settings: RigSettings) -> DriveRating:
@@ -126,6 +126,6 @@ def planar_rating(settings: RigSettings, node_id: int) -> DriveRating:
 
 
 def _drive(
-    name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics, make: Profile
+    name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics, profile: Profile
 ) -> SimulatedDrive:
-    return SimulatedDrive(name, Link(port, name), rating, axis, physics, make)
+    return SimulatedDrive(name, Link(port, name), rating, axis, physics, profile)

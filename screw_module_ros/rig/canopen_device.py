@@ -53,12 +53,12 @@ class CanopenDevice(SimulatedDevice):
     refuse_guards = wrong_profile = False
     _hung = False
 
-    def __init__(self, name: str, link: Link, node_id: int, eds: str, make: Profile):
+    def __init__(self, name: str, link: Link, node_id: int, eds: str, profile: Profile):
         super().__init__(name, link)
         self.node_id = node_id
-        self.traits = make.simulated
+        self.traits = profile.simulated
         self.node = node = ObjectDictionary(
-            node_id, eds, make.objects, self.send, self._configured
+            node_id, eds, profile.objects, self.send, self._configured
         )
         self.state = INITIALISING
         self.operational = False

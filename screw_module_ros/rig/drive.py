@@ -71,10 +71,10 @@ class SimulatedDrive(CanopenDevice):
         settings: DriveRating,
         axis: Axis,
         physics: Physics,
-        make: Profile = ANY_DRIVE,
+        profile: Profile = ANY_DRIVE,
     ):
-        super().__init__(name, link, settings.node_id, "drive.eds", make)
-        declared = make.objects["6502"].value if "6502" in make.objects else None
+        super().__init__(name, link, settings.node_id, "drive.eds", profile)
+        declared = profile.objects["6502"].value if "6502" in profile.objects else None
         self._own_modes = _MODES if declared is None else declared
         own = self.traits.mode
         self._torque_modes = (own,) if own else TORQUE_MODES

@@ -42,8 +42,8 @@ class SimulatedEncoder(CanopenDevice):
     noise = 0.0
     position_alarm = index_alarm = warnings = 0
 
-    def __init__(self, link: Link, node_id: int, world: World, make: Profile = ANY_ENCODER):
-        super().__init__("encoder", link, node_id, "encoder.eds", make)
+    def __init__(self, link: Link, node_id: int, world: World, profile: Profile = ANY_ENCODER):
+        super().__init__("encoder", link, node_id, "encoder.eds", profile)
         self._world = world
         self._parameters = 0
         self._offset = 0

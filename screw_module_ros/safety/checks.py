@@ -3,7 +3,7 @@
 
 Each check returns a sentence that names what is wrong, empty if nothing is, or sets it into the
 `Latch` of its owner, where it stays until a reset. Samples may be the drivers' readings or the
-messages made of them; both have the same field names. `permit.GUARDS` says what follows.
+messages made of them; both have the same field names. `permit.CONDITIONS` says what follows.
 """
 
 from __future__ import annotations
@@ -140,11 +140,11 @@ class Stream:
 
 @dataclass(slots=True)
 class Motion:
-    """What `encoder_problem` remembers of the samples before.
+    """What `encoder_flaw` remembers of the samples before.
 
     monotonic_ns, position [m]: of the last one, None after a reset; speed: between the last two
-    [m/s]; homed, homings: of the last one. doubt: why its home cannot be trusted, until the next
-    homing.
+    [m/s]; homed, homings: of the last one. home_doubt: why its home cannot be trusted, until the
+    next homing.
     """
 
     monotonic_ns: int | None = None
@@ -152,14 +152,14 @@ class Motion:
     speed: float | None = None
     homed: bool = False
     homings: int = 0
-    doubt: str = ""
+    home_doubt: str = ""
 
     def restart(self) -> None:
         """Expect nothing of the next sample's place: after a reset, and after a homing."""
         self.monotonic_ns = self.speed = None
 
 
-def encoder_problem(
+def encoder_flaw(
     bounds: WatchSettings, motion: Motion, sample: EncoderReading, period_ns: int
 ) -> str:
     """Return why a new encoder sample cannot be real: lost home, too fast, out of travel, a jump.
@@ -171,7 +171,7 @@ def encoder_problem(
     lost = motion.homed and not sample.homed
     if sample.homings != motion.homings:
         motion.restart()  # homing moves the origin
-        motion.homings, motion.doubt = sample.homings, ""
+        motion.homings, motion.home_doubt = sample.homings, ""
     motion.homed = sample.homed
     jump = _jump(bounds, motion, sample, period_ns)
     if lost:
@@ -205,13 +205,13 @@ def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderReading, period_
     if abs(motion.speed - before) <= change + 2.0 * _COUNT / elapsed:
         return ""
     jump = (motion.speed - before) * elapsed * 1e3
-    motion.doubt = (
+    motion.home_doubt = (
         f"encoder: jumped by {jump:.4g} mm, more than any motor can move it; {HOME_AGAIN}"
     )
-    return motion.doubt
+    return motion.home_doubt
 
 
-def force_problem(sample: ForceReading, size: float, largest: float) -> str:
+def force_flaw(sample: ForceReading, size: float, largest: float) -> str:
     """Return why a force sample must not be used, or stops the robot.
 
     size: of the force on the axes that are judged; largest: what stops them, both [N].
@@ -239,7 +239,7 @@ def status_problem(status: int) -> str:
     return f"force sensor: {FORCE_STATUS_BITS[bit]} (status bit {bit})"
 
 
-def command_problem(force: float) -> str:
+def command_flaw(force: float) -> str:
     """Return why no controller of this robot can have sent a force command [N]."""
     if abs(force) <= LARGEST_COMMAND:
         return ""
@@ -271,13 +271,13 @@ class VerticalChecks:
     @property
     def home_in_doubt(self) -> bool:
         """Whether the encoder jumped or slipped, and no homing has come since."""
-        return bool(self._motion.doubt)
+        return bool(self._motion.home_doubt)
 
     def encoder(self, sample: EncoderReading, now_ns: int) -> bool:
         """Check an encoder sample; return whether the controller may use it."""
         if not self._encoder.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return False
-        self.fault.set(encoder_problem(self._settings, self._motion, sample, self._period_ns))
+        self.fault.set(encoder_flaw(self._settings, self._motion, sample, self._period_ns))
         return is_measured(sample)
 
     def force(self, sample: ForceReading, now_ns: int) -> bool:
@@ -286,7 +286,7 @@ class VerticalChecks:
             return False
         fx, fy, fz = sample.fx, sample.fy, sample.fz
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
-        self.fault.set(force_problem(sample, size, self._settings.force))
+        self.fault.set(force_flaw(sample, size, self._settings.force))
         return is_finite(sample)
 
     def check(self, now_ns: int) -> str:
@@ -302,11 +302,11 @@ class VerticalChecks:
         if required or self._force.seen:
             self._force.check_age(now_ns, self._stale_ns)
         motion = self._motion
-        return self.fault.reason or (motion.doubt if motion.homed else "encoder: not homed")
+        return self.fault.reason or (motion.home_doubt if motion.homed else "encoder: not homed")
 
     def doubt_home(self, why: str) -> None:
         """Latch a reason that a homing must follow; no `reset` replaces it."""
-        self._motion.doubt = self._motion.doubt or why
+        self._motion.home_doubt = self._motion.home_doubt or why
         self.fault.set(why)
 
     def reset(self, now_ns: int) -> str:

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one gate before the drives: torque passes only while every guard of `GUARDS` holds.
+"""The one gate before the drives: torque passes only while every condition of `CONDITIONS` holds.
 
 ::
 
               open (asked for)          every drive in operation enabled
     CLOSED ------------------> OPENING ---------------------------------> OPEN: torque ramps in
        ^                          |                                        |
-       +--------------------------+-------- a guard, or close -------------+
+       +--------------------------+-------- a condition, or close -------------+
 
-Only another `open` opens it again. A guard that latches needs `clear` before that. One thread calls
-`step` before each write, and `open`, `close` and `clear` between two steps, as `loop/gate.py` asks
-it to for services; any thread may read the properties.
+Only another `open` opens it again. A condition that latches needs `clear` before that. One thread
+calls `step` before each write, and `open`, `close` and `clear` between two steps, as `loop/gate.py`
+asks it to for services; any thread may read the properties.
 """
 
 from __future__ import annotations
@@ -141,9 +141,9 @@ class Permit:
         self.command.note(command_ns)
         self._moment = self._look(now_ns)
         if self.phase != CLOSED:
-            against, guard = self._against()
-            if guard:
-                self._close(against, guard.latches)
+            against, condition = self._against()
+            if condition:
+                self._close(against, condition.latches)
             elif self.phase == OPENING and self._moment.on:
                 self.phase, self.scale = OPEN, 0.0
             elif self.phase == OPEN:
@@ -163,11 +163,11 @@ class Permit:
         on = all(drive.is_on(now_ns) for drive in self.drives)
         return Moment(now_ns, on, self.drive_fault)
 
-    def _against(self) -> tuple[str, Guard | None]:
-        """Return the first guard that does not hold, and its reason."""
-        for guard in GUARDS:
-            if reason := guard.wrong(self, self._moment):
-                return reason, guard
+    def _against(self) -> tuple[str, Condition | None]:
+        """Return the first condition that does not hold, and its reason."""
+        for condition in CONDITIONS:
+            if reason := condition.wrong(self, self._moment):
+                return reason, condition
         return "", None
 
     def _close(self, reason: str, latches: bool) -> None:
@@ -244,11 +244,11 @@ class Permit:
         return fault or ("" if self.phase == OPEN else self._closed_because)
 
 
-class Guard(NamedTuple):
+class Condition(NamedTuple):
     """One reason against torque.
 
-    wrong: returns the reason at a moment, empty while the guard holds. limit: parameters that set
-    it. latches: `clears` is needed before the next enable, else the enable alone. hazard: of
+    wrong: returns the reason at a moment, empty while the condition holds. limit: parameters that
+    set it. latches: `clears` is needed before the next enable, else the enable alone. hazard: of
     docs/hazards.md.
     """
 
@@ -290,14 +290,14 @@ def _slow(permit: Permit, moment: Moment) -> str:
     return "the drive did not reach operation enabled in time" if late else ""
 
 
-GUARDS = (
-    Guard(_faulty, "", True, "~/clear_fault", "Torque without a request"),
-    Guard(_left, "", True, "~/clear_fault", "Torque without a request"),
-    Guard(_unsupervised, "gate.safety_timeout", True, "~/clear_fault", "Supervisor gone"),
-    Guard(_refused, "", False, "supervisor/reset, ~/enable",
+CONDITIONS = (
+    Condition(_faulty, "", True, "~/clear_fault", "Torque without a request"),
+    Condition(_left, "", True, "~/clear_fault", "Torque without a request"),
+    Condition(_unsupervised, "gate.safety_timeout", True, "~/clear_fault", "Supervisor gone"),
+    Condition(_refused, "", False, "supervisor/reset, ~/enable",
           "Emergency stop without effect, or undone by itself"),
-    Guard(_uncommanded, "gate.command_periods", True, "~/clear_fault",
+    Condition(_uncommanded, "gate.command_periods", True, "~/clear_fault",
           "Controller silent, torque held"),
-    Guard(_slow, "gate.drive_timeout", False, "~/enable", "Torque without a request"),
+    Condition(_slow, "gate.drive_timeout", False, "~/enable", "Torque without a request"),
 )  # fmt: skip
 """In this order: the first that does not hold is the reason."""

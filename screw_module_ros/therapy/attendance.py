@@ -36,7 +36,7 @@ class Attendance:
         """Note an attendance message; now_ns: time [ns]."""
         self._heard_ns = now_ns
 
-    def missed(self, now_ns: int) -> str:
+    def pause_reason(self, now_ns: int) -> str:
         """Return why the session must pause, empty if it may continue; now_ns: time [ns]."""
         timeout = self._settings.timeout
         if self._heard_ns is None or now_ns - self._heard_ns <= timeout * 1e9:

@@ -25,7 +25,7 @@ from .wishes import WishLimits
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
-_SOFTEST_SHARE = 0.5  # of the stiffest walls, if these are softer than the protocol's softest
+_SOFTEST_SHARE = 0.5  # share of the stiffest walls, if these are softer than the protocol's softest
 _ROUNDING = 1e-9  # [m] rounding of the targets' sines
 _MOST = 50  # largest number of files offered to screens
 

@@ -25,7 +25,8 @@ from .session import State
 
 _S = 1_000_000_000
 _SIMULATED_S = 365 * 86400  # a bag that does not tell is simulated below this stamp
-_TELLING = ("therapy_session", "endpoint_state", "session_recorder")  # of which clock stamps are
+_TELLING = ("therapy_session", "endpoint_state", "session_recorder")
+"""Nodes that tell which clock stamps are of."""
 _ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 _DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE

@@ -28,7 +28,7 @@ OTHERS = {
     STRENGTH: ("largest_force", "largest_vertical_force"),
 }
 """Figures of the other kinds of trials."""
-_DECIMALS = {"mm": 1, "mm/s": 0, "%": 0, "N": 1}  # of others 2
+_DECIMALS = {"mm": 1, "mm/s": 0, "%": 0, "N": 1}  # decimals by unit; others have 2
 
 
 class Summary(NamedTuple):

@@ -30,9 +30,9 @@ _BEST = {
 }
 """What a good value is, of figures that have one."""
 _FROM_ZERO = frozenset(SHOWN) - {"sparc"}  # a small spread must not look like a large one
-_LEAST_TOP = 0.1  # of the others, in their units
-_ROOM = 1.08  # above the highest mark, which would be cut
-_LEAST_SPAN = 0.5  # of SPARC, for the same reason
+_LEAST_TOP = 0.1  # least upper end of the other axes, in their units
+_ROOM = 1.08  # room above the highest mark, which would be cut
+_LEAST_SPAN = 0.5  # least span of SPARC, for the same reason
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
 

@@ -28,7 +28,8 @@ JERK_CUTOFF = 6.0
 """Cut-off of the low pass in front of a derivative of the speed [Hz]; ours. It passes a reach of
 0.5 s and the 4 to 6 Hz of a rest tremor; a faster tremor shows in SPARC alone. The tests tell with
 which durations the encoders' steps do not matter."""
-_ORDER = 4  # of the Butterworth filter, once forward and once backward, so that nothing is delayed
+_ORDER = 4
+"""Order of the Butterworth filter, once forward and once backward, so that nothing is delayed."""
 
 
 def sparc(speed: ArrayLike, rate: float) -> float:

@@ -59,7 +59,7 @@ CYCLE_S = 2.0 * math.pi / OMEGA
 PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 10.0  # [N/m], [Ns/m], typical for MANUS
 IN_TIME = 0.99
 _LEAVE = math.nan
-_SETPOINT_PERIOD_S = 0.02  # as a game at 50 frames per second publishes
+_SETPOINT_PERIOD_S = 0.02  # period of a game that publishes 50 frames per second
 _CHECK_EVERY = 12  # set points
 _SETTLE_S, _RETURN_S = 0.8, 1.5
 _STOP_S, _HOLD_S = 0.7, 1.0  # the hand comes to rest, and holds still
@@ -95,7 +95,7 @@ MODES = {
 }
 
 
-class Part(NamedTuple):
+class Span(NamedTuple):
     """A stretch of a session: its name, begin and end on the system clock [ns since the epoch]."""
 
     name: str
@@ -109,8 +109,8 @@ class Work(NamedTuple):
     targets: of its movements in the plane, x, y [m].
     """
 
-    moving: Part
-    holding: Part
+    moving: Span
+    holding: Span
     targets: Sequence[tuple[float, float]]
 
     @property
@@ -119,7 +119,7 @@ class Work(NamedTuple):
         return self.moving.name
 
     @property
-    def whole(self) -> Part:
+    def whole(self) -> Span:
         """Both, with the stop between them."""
         return self.moving._replace(end_ns=self.holding.end_ns)
 
@@ -276,13 +276,13 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
         )
     )
     play(robot, ways, duration, passed)
-    moving = Part(name, begin, robot.clock.stamp_ns())
+    moving = Span(name, begin, robot.clock.stamp_ns())
     top = (_LEAVE, _LEAVE, SPRING.centre + AMPLITUDE)
     robot.set_arm(arm(top, amplitude=(_LEAVE, _LEAVE, 0.0), omega=(_LEAVE, _LEAVE, 0.0)))
     robot.pause(_STOP_S)
     still = robot.clock.stamp_ns()
     robot.pause(_HOLD_S)
-    return Work(moving, Part(name, still, robot.clock.stamp_ns()), visited)
+    return Work(moving, Span(name, still, robot.clock.stamp_ns()), visited)
 
 
 def play(
@@ -325,7 +325,7 @@ def evaluated(
     still = [trace(topics, part.holding) for part in parts]
     held = [offset_held(*one[1:], SPRING) for one in still]
     paths = [path(topics, part.whole)._replace(targets=part.targets) for part in parts]
-    whole = Part("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
+    whole = Span("the session", parts[0].moving.begin_ns, parts[-1].holding.end_ns)
     counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
     title = f"Simulated patient, vertical module; a damper of {COMMANDED.damping:g} Ns/m"
     told = [
@@ -352,7 +352,7 @@ Topics = Mapping[str, Mapping[str, np.ndarray]]
 """The columns of each topic, as `recording.decoded.columns` gives them."""
 
 
-def trace(topics: Topics, part: Part) -> Trace:
+def trace(topics: Topics, part: Span) -> Trace:
     """Join the valid encoder and force samples of one part by their tick numbers.
 
     Raises BagError without a common tick.
@@ -377,14 +377,14 @@ def with_held(figure: Figure, still: Sequence[Trace]) -> Figure:
     return figure
 
 
-def path(topics: Topics, part: Part) -> Path3D:
+def path(topics: Topics, part: Span) -> Path3D:
     """Return the handle's path in one part, from the samples with three valid axes."""
     rows = _within(topics, _ENDPOINT, part)
     valid = rows["valid"].all(axis=1)
     return Path3D(part.name, np.column_stack([rows[f"position.{a}"][valid] for a in "xyz"]))
 
 
-def timing(topics: Topics, part: Part) -> Timing:
+def timing(topics: Topics, part: Span) -> Timing:
     """Return the timing of the commands in one part, from the counters of the drive's node.
 
     Raises BagError for fewer than two states, or if a counter decreases because the node was
@@ -408,7 +408,7 @@ def timing(topics: Topics, part: Part) -> Timing:
     )  # fmt: skip
 
 
-def _within(topics: Topics, topic: str, part: Part) -> dict[str, np.ndarray]:
+def _within(topics: Topics, topic: str, part: Span) -> dict[str, np.ndarray]:
     """Return the rows received in the part."""
     received = topics[topic]["log_time"]
     chosen = (received >= part.begin_ns) & (received <= part.end_ns)

@@ -43,7 +43,7 @@ from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.sensor import PolledSensor
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, WorldSettings, load_world
 from screw_module_ros.profiles import (
     DRIVE,
@@ -62,14 +62,14 @@ from screw_module_ros.settings import SettingError
 
 PERIOD_NS = 1_000_000
 BUSES = ("encoder", "drive", "force_sensor", "planar")
-_POLL_TICKS = 100  # between two looks at what the drive has to be asked for
+_POLL_TICKS = 100  # ticks between two looks at what the drive has to be asked for
 _COMMAND_DELAY_NS = 250_000
 _START_NS = 1_000_000_000_000
 
 Answer = TypeVar("Answer")
 
 
-class BenchClock(ManualClock):
+class OneThreadClock(ManualClock):
     """A wait of the loop's thread serves the rig and moves time; another one waits for that thread.
 
     `settle` lets the other thread run until it waits again, so that a run can be repeated exactly.
@@ -125,7 +125,7 @@ class BenchClock(ManualClock):
 class Served(PlainArrivals):
     """What the rig sends on one bus: it may answer before time moves."""
 
-    _clock: BenchClock
+    _clock: OneThreadClock
 
     def receive(self, until_ns: int) -> Frame | None:
         """Return the next frame; None without one, when time has moved to `until_ns`."""
@@ -211,7 +211,7 @@ class OneThreadRobot:
         self._buses: list[can.BusABC] = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
         self.world = World(world or load_world(), seed)
-        self.clock = BenchClock()
+        self.clock = OneThreadClock()
         self.requests = Requests(self.clock)
         settings = RigSettings(
             command_latency=_COMMAND_DELAY_NS * 1e-9,
@@ -219,7 +219,7 @@ class OneThreadRobot:
             encoder_profile=encoder_profile,
             sensor_profile=sensor_profile,
         )
-        make, encoder_make = load(drive_profile, DRIVE), load(encoder_profile, ENCODER)
+        profile, counter = load(drive_profile, DRIVE), load(encoder_profile, ENCODER)
         for law in laws[len(LAWS) :]:
             if wrong := flaw(law):
                 raise SettingError(f"law {law.name}: {wrong}")
@@ -228,13 +228,13 @@ class OneThreadRobot:
         self._kept_ns = 0
         self.ports = {bus: Port(self._bus(f"{name}-{bus}"), clock=self.clock) for bus in BUSES}
         self.home = self.world.settings.start.position
-        counting = EncoderSettings(home_position=self.home, **encoder_make.simulated.parameters)
-        self.encoder = Encoder(self.ports["encoder"], counting, make=encoder_make)
+        counting = EncoderSettings(home_position=self.home, **counter.simulated.parameters)
+        self.encoder = Encoder(self.ports["encoder"], counting, profile=counter)
         needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
         chosen = ForceSensorSettings(profile=sensor_profile, **needed)
         self.force_sensor = force_sensors.driver(self.ports["force_sensor"], chosen)
-        drive = (drive or DriveSettings())._replace(**make.simulated.parameters)
-        self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
+        drive = (drive or DriveSettings())._replace(**profile.simulated.parameters)
+        self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, profile=profile)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
         shoulder, elbow = (
             Drive(
@@ -243,7 +243,7 @@ class OneThreadRobot:
                                counts_per_turn=65536),  # fmt: skip
                 f"{label} drive",
                 beat,
-                make=make,
+                profile=profile,
             )
             for node, label in ((3, "shoulder"), (4, "elbow"))
         )
@@ -282,7 +282,7 @@ class OneThreadRobot:
 
     def _make_loops(self) -> None:
         clock, ports = self.clock, self.ports
-        self.parts = Parts(
+        self.roles = Roles(
             PolledSensor(self.encoder, ports["encoder"], clock),
             PolledSensor(self.force_sensor, ports["force_sensor"], clock),
             self.controller,
@@ -398,7 +398,7 @@ class OneThreadRobot:
         self.plane.controller.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
         self._sample = None
         self.requests.serve()
-        commanded = self.parts if self.commanding else self.parts._replace(controller=None)
+        commanded = self.roles if self.commanding else self.roles._replace(controller=None)
         self.vertical.step(commanded)
         self.plane.step()
         self._serve()

@@ -20,7 +20,7 @@ from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
-from ..plant.patient import PATIENTS, wrong_trait
+from ..plant.patient import PATIENTS, trait_flaw
 from ..terminal import Console
 from .patient import STILL, Hand
 from .runner import GraphRun, command, recordings_in, running
@@ -47,7 +47,7 @@ class _Trait(click.ParamType):
             found = float(number)
         except ValueError:
             self.fail(f"{value!r}: NAME=NUMBER is wanted, such as carried=0", param, ctx)
-        if wrong := wrong_trait(trait, found):
+        if wrong := trait_flaw(trait, found):
             self.fail(wrong, param, ctx)
         return trait, found
 

@@ -209,8 +209,9 @@ def test_a_certificate_of_the_last_release_limits_and_permits_nothing(tmp_path, 
     assert "6.28 at most" in limits.refusal(
         LAW._replace(force_gain=9.0), modes.FORCE_FEEDBACK, RATE
     )
-    assert re.search("cannot be compared.*run stability and .*module_gain_limits", limits.outdated)
-    assert not load_gain_limits(written(tmp_path), SERIAL).outdated
+    told = limits.feedback_refusal
+    assert re.search("cannot be compared.*run stability and .*module_gain_limits", told)
+    assert not load_gain_limits(written(tmp_path), SERIAL).feedback_refusal
 
 
 @pytest.mark.parametrize(

@@ -102,10 +102,10 @@ def test_an_error_in_a_law_s_own_refusal_is_its_refusal():
     def objects(settings, mode):
         raise ZeroDivisionError("no such gain")
 
-    assert laws.refused(MINE, Own(), 100) == ""
-    assert laws.refused(replace(MINE, refusal=lambda settings, mode: None), Own(), 100) == ""
-    assert "no sentence" in laws.refused(replace(MINE, refusal=lambda s, mode: True), Own(), 100)
-    said = laws.refused(replace(MINE, refusal=objects), Own(), 100)
+    assert laws.refusal(MINE, Own(), 100) == ""
+    assert laws.refusal(replace(MINE, refusal=lambda settings, mode: None), Own(), 100) == ""
+    assert "no sentence" in laws.refusal(replace(MINE, refusal=lambda s, mode: True), Own(), 100)
+    said = laws.refusal(replace(MINE, refusal=objects), Own(), 100)
     assert said == "law mine: refusal: ZeroDivisionError: no such gain"
 
 

@@ -69,8 +69,8 @@ class Talk:
         kind = KINDS[name]
         given = values_of(settings)
         own = {name: given.pop(name) for name in set(given) - set(kind.settings._fields)}
-        if "make" in own:
-            own["make"] = profiles.load(own["make"])
+        if "profile" in own:
+            own["profile"] = profiles.load(own["profile"])
         self.wire = wire
         wire.port.sync_producer = own.pop("sync_producer", True)
         self.device = wire.attach(kind.end(wire))

@@ -122,7 +122,7 @@ def motion(chance: random.Random) -> list:
             moved.home(chance.choice((0.0, 0.1)))
         if chance.random() < 0.2:
             place = chance.choice((0.0, 0.005, 0.0051, 0.1, 0.105, 0.1051))
-            lines += [again.rejection([0.0], [place], now_ns), again.contradicted]
+            lines += [again.refusal([0.0], [place], now_ns), again.contradicted]
             now_ns += chance.choice((10**9, 10**9 - 1, 15 * 10**9, 15 * 10**9 + 1))
         if chance.random() < 0.01:
             moved.restart()

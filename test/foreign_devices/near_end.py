@@ -76,9 +76,9 @@ class NearEnd:
 
     def drive(self, profile: str = GENERIC_402, **settings: object) -> Drive:
         """Return a driver; settings: what is not patient."""
-        make = load(profile)
-        make = make._replace(drive=make.drive._replace(heartbeat_timeout=_NEVER_S))
-        return Drive(self.port, PATIENT_DRIVE._replace(**settings), "drive", make=make)
+        known = load(profile)
+        known = known._replace(drive=known.drive._replace(heartbeat_timeout=_NEVER_S))
+        return Drive(self.port, PATIENT_DRIVE._replace(**settings), "drive", profile=known)
 
     def tick(self, drive: Drive, torque: float = 0.0, beat: bool = True) -> float:
         """Do one period as the loop does it; return the torque that was sent."""
@@ -106,7 +106,7 @@ class NearEnd:
 
     def encoder(self, profile: str = GENERIC_406, **settings: object) -> Encoder:
         """Return a driver; settings: what is not patient."""
-        return Encoder(self.port, PATIENT_ENCODER._replace(**settings), make=load(profile))
+        return Encoder(self.port, PATIENT_ENCODER._replace(**settings), profile=load(profile))
 
     def sample(self, encoder: Encoder) -> EncoderReading | None:
         """Ask for one sample; None if none came."""

@@ -171,4 +171,4 @@ def test_a_misread_number_passes_on_the_rig_and_not_here(
     drive = near.drive(str(file), max_torque=2.0 * RATED)
     drive.configure()
     assert [each.guard for each in drive.unguarded] == [lacking]
-    assert wrong.partition(":")[0] in drive.lacks_guards()
+    assert wrong.partition(":")[0] in drive.guards_refusal()

@@ -205,7 +205,7 @@ def test_a_device_that_a_node_drives_is_not_asked(bench, monkeypatch):
 def test_no_node_starts_meanwhile(bench, monkeypatch):
     monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
     with ExitStack() as stack:
-        command.Found({"manus": {}}, ["manus"], bench.clock, stack)
+        command.DeviceSet({"manus": {}}, ["manus"], bench.clock, stack)
         stack.callback(lambda: None)
         for claim in ("drive node 3", "drive node 4", "master 113"):
             with pytest.raises(AlreadyRunning, match=claim):
@@ -373,7 +373,7 @@ def test_the_simulated_buses_are_those_of_the_namespace(bench, monkeypatch):
 
     monkeypatch.setattr(command, "open_port", note)
     with ExitStack() as stack:
-        command.Found({"encoder": {}}, ["encoder"], bench.clock, stack, "/left")
+        command.DeviceSet({"encoder": {}}, ["encoder"], bench.clock, stack, "/left")
         stack.pop_all()
     assert opened == ["left/encoder"]
 
@@ -383,7 +383,7 @@ def test_both_planar_drives_get_what_they_share(bench, monkeypatch):
     monkeypatch.setattr(command, "open_port", lambda bus, clock: bench.ports["planar"])
     shared = {"master_id": 99, "waived": "torque_limit", "rate": 250.0, "shoulder.node_id": 7}
     with ExitStack() as stack:
-        found = command.Found({"manus": shared}, ["manus"], bench.clock, stack)
+        found = command.DeviceSet({"manus": shared}, ["manus"], bench.clock, stack)
         stack.pop_all()
     shoulder, elbow = (found.devices[joint].settings for joint in command.JOINTS)
     assert (shoulder.node_id, elbow.node_id) == (7, 4)

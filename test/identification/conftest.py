@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from screw_module_ros.identification import reproduce, study
-from screw_module_ros.identification.bench import InProcessBench
+from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.plant.settings import load_world
 
 
@@ -19,9 +19,9 @@ def module():
 
 
 @pytest.fixture(scope="session")
-def bench(module):
-    """The in-process bench on it."""
-    return InProcessBench(module)
+def stand(module):
+    """The in-process stand on it."""
+    return SimulatedStand(module)
 
 
 @pytest.fixture

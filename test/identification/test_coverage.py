@@ -15,7 +15,6 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.identification import coverage, page, reproduce
-from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.coverage import (
     FIRST_SEED,
     HIDDEN,
@@ -30,6 +29,7 @@ from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.report import Checked, Criterion, Module, Outcome, Report
 from screw_module_ros.identification.results import Quantity
+from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
 from screw_module_ros.plant.settings import load_world
 
 MODULES = 12
@@ -120,7 +120,7 @@ def test_a_damaged_table_is_told(tmp_path):
 def examined(seed: int, folder: Path) -> Module:
     """Identify a perturbed module by short experiments."""
     world, loop, outcomes = load_world(None, seed), LoopSettings(), {}
-    lab = Lab(InProcessBench(world, loop, seed), folder)
+    lab = Lab(SimulatedStand(world, loop, seed), folder)
     for name, changed in SHORT.items():
         result = lab.run(EXPERIMENTS[name], EXPERIMENTS[name].settings()._replace(**changed))
         result.save(folder)

@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 import yaml
-from formula_bench import keep
+from formula_stand import keep
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
-from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.calibration import GAIN_LIMITS as FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
@@ -21,6 +20,7 @@ from screw_module_ros.identification.delivered_impedance import (
 )
 from screw_module_ros.identification.force_metric import friction_felt
 from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
 from screw_module_ros.identification.trials import WAYS_OUT, MotionTrial, NotPossible, Samples
 
 
@@ -69,9 +69,9 @@ def test_a_frequency_that_the_hand_did_not_follow_is_left_out_and_said():
 
 
 def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path, module):
-    bench = InProcessBench(module, LoopSettings(rate=1000.0, command_delay=1.2e-3))
+    stand = SimulatedStand(module, LoopSettings(rate=1000.0, command_delay=1.2e-3))
     settings = Settings(frequencies=(0.5, 2.0, 4.0, 8.0))
-    result = delivered_impedance.run(Lab(bench, tmp_path), settings)
+    result = delivered_impedance.run(Lab(stand, tmp_path), settings)
     damping, friction, hold, release, wall = (
         [result.value(f"{what}_{name}") for name in ("impedance", "force_feedback", "observer")]
         for what in ("damping", "friction", "hold", "release", "wall")

@@ -114,11 +114,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "settings", "said"), REFUSED)
-def test_what_cannot_be_done_is_refused(tmp_path, bench, name, settings, said):
+def test_what_cannot_be_done_is_refused(tmp_path, stand, name, settings, said):
     """Before any trial: the folder has no part afterwards."""
     kind, text = EXPERIMENTS[name].settings, yaml.safe_dump(plain(settings))
     with pytest.raises((ValueError, MissingResult), match=said):
-        EXPERIMENTS[name].run(Lab(bench, tmp_path), settings_from_yaml(text, kind))
+        EXPERIMENTS[name].run(Lab(stand, tmp_path), settings_from_yaml(text, kind))
     assert not (tmp_path / "parts").exists()
 
 

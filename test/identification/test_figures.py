@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One look at the figures of every experiment."""
 
-from formula_bench import keep_calibration
+from formula_stand import keep_calibration
 from test_kept_results import SETTINGS
 
 from screw_module_ros.identification import figures
@@ -30,12 +30,12 @@ def test_every_experiment_is_drawn_by_a_test():
     assert {*EXPERIMENTS} == {*SETTINGS, *ON_THE_MODULE, "stability", "calibration"}
 
 
-def test_the_others_draw_what_they_kept(tmp_path, bench):
+def test_the_others_draw_what_they_kept(tmp_path, stand):
     """From the files alone; each figure has a title, units, and something in it."""
-    keep_calibration(tmp_path, bench.world)
+    keep_calibration(tmp_path, stand.world)
     for name, short in ON_THE_MODULE.items():
         run, settings = EXPERIMENTS[name].run, EXPERIMENTS[name].settings()
-        run(Lab(bench, tmp_path), settings._replace(**short)).save(tmp_path)
+        run(Lab(stand, tmp_path), settings._replace(**short)).save(tmp_path)
         drawn = EXPERIMENTS[name].draw(load_result(tmp_path, name))
         assert drawn, name
         for title, figure in drawn.items():

@@ -10,7 +10,7 @@ import random
 
 import numpy as np
 import pytest
-from formula_bench import keep_calibration
+from formula_stand import keep_calibration
 
 from screw_module_ros.control.modes import (
     COMBINED,
@@ -21,7 +21,6 @@ from screw_module_ros.control.modes import (
 )
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import force_error, force_gain, force_position
-from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_error import reduced, rms_of, trial_of, with_damping
 from screw_module_ros.identification.force_metric import ErrorOf
 from screw_module_ros.identification.lab import Lab
@@ -31,6 +30,7 @@ from screw_module_ros.identification.report import (
     robustness_head,
     robustness_rows,
 )
+from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
 from screw_module_ros.identification.trials import MotionTrial
 from screw_module_ros.offset import Spring, offsets
 from screw_module_ros.plant.settings import load_world
@@ -46,19 +46,19 @@ def nothing(share):
 
 
 def rig(seed, drawn=False):
-    """Return a bench at 1 kHz with a rig; drawn: with play of 0.1 to 0.2 mm, 1.0 to 1.7 ms late."""
+    """Return a stand at 1 kHz with a rig; drawn: with play of 0.1 to 0.2 mm, 1.0 to 1.7 ms late."""
     world, loop = load_world(None, seed), BENCH
     if drawn:
         draw = random.Random(f"study10 {seed}")
         world = world._replace(vertical=world.vertical._replace(play=draw.uniform(1e-4, 2e-4)))
         loop = loop._replace(command_delay=draw.uniform(1.0e-3, 1.7e-3))
-    return InProcessBench(world, loop, seed or 1)
+    return SimulatedStand(world, loop, seed or 1)
 
 
-def found(bench, mode, case, law=DEFAULT):
+def found(stand, mode, case, law=DEFAULT):
     """Return the metric of a case."""
     trial = trial_of(case, mode, with_damping(law, mode))
-    part = reduced(trial, bench.record(trial, nothing))
+    part = reduced(trial, stand.record(trial, nothing))
     return ErrorOf(**{name: float(value) for name, value in part.items()})
 
 
@@ -107,13 +107,13 @@ def test_limits_of_the_laws(rigs, modes, cases, limits, drawn):
 @pytest.mark.parametrize("seed", UNSEEN)
 def test_a_known_mass_is_carried_in_fast_motion_and_not_by_a_released_handle(seed):
     """Carried without a hand as well, the handle swung with 3.7 N rms."""
-    bench = rig(seed)
-    v = bench.world.vertical
+    stand = rig(seed)
+    v = stand.world.vertical
     law = VerticalSettings(mass=v.turning_mass + v.moving_mass, gravity=v.moving_mass * v.gravity)
     carrying = law._replace(observer_inertia=0.7)
-    before, after = (found(bench, OBSERVER, "fast", each) for each in (law, carrying))
+    before, after = (found(stand, OBSERVER, "fast", each) for each in (law, carrying))
     assert after.rms < 0.9 * before.rms
-    released = found(bench, OBSERVER, "released", carrying)
+    released = found(stand, OBSERVER, "released", carrying)
     assert released.travel < 0.1e-3
     assert released.rms < 0.5  # tolerated at rest (`observer_rest`)
 
@@ -135,19 +135,19 @@ def test_changed_mode_and_released_hand_make_no_jump():
 
 def test_without_the_handle_s_truth_the_sensors_take_its_place(module):
     """As on the live graph: encoder and transducer, with the noise of the latter."""
-    bench = InProcessBench(module, LoopSettings(rate=1000.0))
+    stand = SimulatedStand(module, LoopSettings(rate=1000.0))
     trial = trial_of("small", OBSERVER, with_damping(DEFAULT, OBSERVER), 0.0)
     assert trial.side_force == 0.0
-    samples = bench.record(trial, nothing)
+    samples = stand.record(trial, nothing)
     known = float(reduced(trial, samples)["rms"])
     seen = samples._replace(handle=None, handle_velocity=None, true_force=None)
     noise = module.sensor.force_noise
     assert float(reduced(trial, seen)["rms"]) == pytest.approx(np.hypot(known, noise), rel=0.1)
 
 
-def test_experiment_reports_every_case_in_every_mode(bench, tmp_path):
+def test_experiment_reports_every_case_in_every_mode(stand, tmp_path):
     chosen = force_error.Settings(modes=(IMPEDANCE, OBSERVER), cases=("small", "holding"))
-    result = force_error.run(Lab(bench, tmp_path), chosen)
+    result = force_error.run(Lab(stand, tmp_path), chosen)
     assert {q.name for q in result.quantities} == {
         f"rms_{mode}_{case}" for mode in ("impedance", "observer") for case in ("small", "holding")
     }
@@ -155,10 +155,10 @@ def test_experiment_reports_every_case_in_every_mode(bench, tmp_path):
 
 
 @pytest.fixture
-def calibrated(bench, tmp_path):
+def calibrated(stand, tmp_path):
     """A lab with an exact calibration of the thesis's module."""
-    keep_calibration(tmp_path, bench.world)
-    return Lab(bench, tmp_path)
+    keep_calibration(tmp_path, stand.world)
+    return Lab(stand, tmp_path)
 
 
 def test_observer_gains_from_a_calibration_in_fast_motion_also_when_the_rig_changed(calibrated):
@@ -178,7 +178,7 @@ def test_observer_gains_from_a_calibration_in_fast_motion_also_when_the_rig_chan
 
 
 def test_change_makes_the_friction_model_wrong(calibrated):
-    """The same trial on the same bench, but for the seed of the change."""
+    """The same trial on the same stand, but for the seed of the change."""
     mode = FRICTION_COMPENSATION
     chosen = force_error.RobustnessSettings(modes=(mode,), cases=("slow",), change=3)
     _, known, changed = rms_of(force_error.run_changed(calibrated, chosen), mode, "slow")
@@ -186,9 +186,9 @@ def test_change_makes_the_friction_model_wrong(calibrated):
 
 
 @pytest.fixture(scope="module")
-def curves(bench, tmp_path_factory):
+def curves(stand, tmp_path_factory):
     """All force-position curves with one cycle each."""
-    lab = Lab(bench, tmp_path_factory.mktemp("curves"))
+    lab = Lab(stand, tmp_path_factory.mktemp("curves"))
     return force_position.run(lab, force_position.Settings(cycles=1.0))
 
 
@@ -240,9 +240,9 @@ def test_support_and_backlash_limit_the_gain(module, tmp_path, support, with_bac
     Over 31 s the onset on the first is 4.3 with backlash: bursts come where friction is low.
     """
     vertical = module.vertical._replace(support_stiffness=support)
-    bench = InProcessBench(module._replace(vertical=vertical))
+    stand = SimulatedStand(module._replace(vertical=vertical))
     settings = force_gain.Settings(gains=(0.0, 4.0, 5.0, 12.0, 20.0), resolution=1.0, duration=8.0)
-    result = force_gain.run(Lab(bench, tmp_path), settings)
+    result = force_gain.run(Lab(stand, tmp_path), settings)
     loose, tight = (result.value(f"gain_{end}_backlash") for end in ("with", "without"))
     assert with_backlash[0] <= loose < with_backlash[1] and without[0] <= tight < without[1]
     assert result.quantity("gain_with_backlash").uncertainty <= 0.5, "half of the resolution"
@@ -251,14 +251,14 @@ def test_support_and_backlash_limit_the_gain(module, tmp_path, support, with_bac
 @pytest.mark.parametrize(
     ("mode", "without"), [(IMPEDANCE, 9.2), (FORCE_FEEDBACK, 1.5), (OBSERVER, 0.10)]
 )
-def test_a_damper_adds_its_own_force_to_the_offset_of_every_mode(bench, mode, without):
+def test_a_damper_adds_its_own_force_to_the_offset_of_every_mode(stand, mode, without):
     """What mode 5 leaves is not the damper's doing: without one, unchecked, it leaves as little."""
     free = DEFAULT._replace(damping=0.0, observer_damping_ratio=0.0)
     spring = Spring(DEFAULT.stiffness, 0.18)
     bare, damped = (
         offsets(samples.position, samples.velocity, samples.force, spring).mean
         for law in (free, free._replace(damping=6.0))
-        for samples in [bench.record(MotionTrial(mode, law, duration=15.8), nothing)]
+        for samples in [stand.record(MotionTrial(mode, law, duration=15.8), nothing)]
     )
     assert bare == pytest.approx(without, rel=0.1)
     assert 0.25 < damped - bare < 0.55

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import yaml
-from formula_bench import FormulaBench, Module, hand, keep
+from formula_stand import FormulaBench, Module, hand, keep
 
 from screw_module_ros.calibration.module import (
     FRICTION_FORMAT,
@@ -108,8 +108,8 @@ def test_a_real_bench_adds_what_no_simulation_has(tmp_path):
         offers = frozenset(WAYS_OUT) - {RELEASE}
 
     keep_maps(tmp_path, (0.05,), lambda way, upright, z, speed: np.full_like(z, np.nan))
-    bench = RealBench(Module(guide=0.8))
-    weight = gravity.run(Lab(bench, tmp_path), gravity.Settings()).quantity("gravity")
+    stand = RealBench(Module(guide=0.8))
+    weight = gravity.run(Lab(stand, tmp_path), gravity.Settings()).quantity("gravity")
     assert [source.what for source in weight.sources][1:] == [
         "the guide may rub more under the larger load of the way against gravity", TRANSDUCER,
     ]  # fmt: skip
@@ -124,9 +124,9 @@ def test_without_play_and_maps_upside_down_there_is_no_way(tmp_path):
 def test_a_way_that_was_not_seen_leaves_no_half(tmp_path):
     """A run counts only with both crossings: one alone holds the guide's friction."""
     keep_maps(tmp_path, (0.05,), lambda way, upright, z, speed: np.full_like(z, np.nan))
-    bench = FormulaBench(Module(noise=0.0))
-    lab = Lab(bench, tmp_path)
-    whole = bench.record
+    stand = FormulaBench(Module(noise=0.0))
+    lab = Lab(stand, tmp_path)
+    whole = stand.record
 
     def lamed(trial, told):
         samples = whole(trial, told)
@@ -134,16 +134,16 @@ def test_a_way_that_was_not_seen_leaves_no_half(tmp_path):
         samples.force[half:] += np.linspace(0.0, 40.0, len(samples.force) - half)  # no plateau
         return samples
 
-    bench.record = lamed
+    stand.record = lamed
     with pytest.raises(NotPossible, match="inverted_speeds"):
         gravity.run(lab, gravity.Settings())
 
 
-def test_the_simulated_module_is_weighed(tmp_path, bench):
+def test_the_simulated_module_is_weighed(tmp_path, stand):
     """Within three of the standard deviations that it states, its guide's friction known."""
     keep_maps(tmp_path, (0.05,), lambda way, upright, z, speed: 10.0 * upright + 0.0 * z)
-    result = gravity.run(Lab(bench, tmp_path), gravity.Settings())
-    vertical = bench.world.vertical
+    result = gravity.run(Lab(stand, tmp_path), gravity.Settings())
+    vertical = stand.world.vertical
     for name, truth, margin in (
         ("gravity", vertical.moving_mass * vertical.gravity, 0.01),
         ("guide", vertical.rail_friction, 0.02),
@@ -253,9 +253,9 @@ class ThesisBench(FormulaBench):
 def swung(folder, mass=5.49, share=1.0, **settings):
     """Run inertia with the thesis's friction model."""
     keep(folder, friction_model.NAME, friction_model._as_data(THESIS))
-    bench = ThesisBench(Module(mass=mass, noise=0.05))
-    bench.share = share
-    return inertia.run(Lab(bench, folder), inertia.Settings(duration=4.0, **settings))
+    stand = ThesisBench(Module(mass=mass, noise=0.05))
+    stand.share = share
+    return inertia.run(Lab(stand, folder), inertia.Settings(duration=4.0, **settings))
 
 
 @pytest.mark.parametrize(
@@ -280,10 +280,10 @@ def test_the_mass_is_found(tmp_path, mass, share, hidden):
 
 
 def test_the_shift_finds_a_force_that_comes_late():
-    bench = ThesisBench(Module(noise=0.0))
-    bench.late = 16  # 8 ms, as in fig 5-33
+    stand = ThesisBench(Module(noise=0.0))
+    stand.late = 16  # 8 ms, as in fig 5-33
     trials = inertia._trials(inertia.Settings(duration=4.0))
-    samples = bench.record(list(trials.values())[2], None)
+    samples = stand.record(list(trials.values())[2], None)
     record = motion(samples.time, samples.position, samples.force)
     friction = friction_along(FASTER, record.position, record.velocity)
     found = ratio(record, record.force - np.roll(friction, 16) - THESIS.gravity_N, 0.02, 2.5, 0.03)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from formula_bench import FormulaBench, keep_line
+from formula_stand import FormulaBench, keep_line
 
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.lab import Lab
@@ -33,19 +33,19 @@ SIMULATED = ("static_torque", "amplifier_response")
 OF_THE_LAST_BIT = ("largest_left", "largest_at_handle", "correlation, uncertainty", "lack")
 
 
-def measured(name: str, folder: Path, bench: object) -> Result:
+def measured(name: str, folder: Path, stand: object) -> Result:
     """Run an experiment after those that it needs, as far as the folder lacks their results."""
     experiment = EXPERIMENTS[name]
     if name not in SIMULATED:
-        bench = FormulaBench()
+        stand = FormulaBench()
     if name in SAMPLED:
         keep_line(folder)
     else:
         for need in experiment.needs:
             if not (folder / f"{need}.yaml").exists():
-                measured(need, folder, bench)
+                measured(need, folder, stand)
     settings = experiment.settings()._replace(**SETTINGS[name])
-    result = experiment.run(Lab(bench, folder), settings)
+    result = experiment.run(Lab(stand, folder), settings)
     result.save(folder)
     return result
 
@@ -69,6 +69,6 @@ def digest(result: Result) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", SETTINGS)
-def test_it_finds_and_draws_what_it_did(name, tmp_path, bench, kept):
-    found = digest(measured(name, tmp_path, bench))
+def test_it_finds_and_draws_what_it_did(name, tmp_path, stand, kept):
+    found = digest(measured(name, tmp_path, stand))
     kept({key: v for key, v in found.items() if not key.startswith(OF_THE_LAST_BIT)}, rel=1e-3)

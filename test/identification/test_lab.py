@@ -88,7 +88,7 @@ def test_parts_of_something_else_are_not_taken(tmp_path, counting, name, reduce,
 
 
 def test_what_the_bench_lacks_is_refused_before_the_first_trial(tmp_path, counting):
-    """A live bench did an hour of trials, and refused the others then."""
+    """A live stand did an hour of trials, and refused the others then."""
     trials = {**TRIALS, "plane": PlanarTrial(PlanarSettings())}
     with pytest.raises(NotPossible, match="plane are only there in process"):
         Lab(counting, tmp_path).record("x", trials, mean_force)
@@ -106,12 +106,12 @@ def test_progress_counts_what_was_kept(tmp_path, counting):
 
 
 @pytest.mark.long
-def test_pool_gives_what_one_process_gives_and_its_errors(tmp_path, bench):
+def test_pool_gives_what_one_process_gives_and_its_errors(tmp_path, stand):
     trials = dict(list(TRIALS.items())[1:])
     too_short = {"short": StageTrial(0.5, 0.1, 0.1005)}
-    alone = Lab(bench, tmp_path / "alone").record("friction", trials, binned)
+    alone = Lab(stand, tmp_path / "alone").record("friction", trials, binned)
     with worker_pool(2) as pool:
-        lab = Lab(bench, tmp_path / "shared", pool=pool)
+        lab = Lab(stand, tmp_path / "shared", pool=pool)
         shared = lab.record("friction", trials, binned)
         with pytest.raises(ValueError, match="samples|deviates"):
             lab.record("friction", too_short, binned)

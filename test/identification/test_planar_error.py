@@ -7,7 +7,6 @@ from statistics import median
 import pytest
 
 from screw_module_ros.identification import study
-from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.planar_error import (
     Settings,
     error_of,
@@ -15,6 +14,7 @@ from screw_module_ros.identification.planar_error import (
     reduced,
     trial_of,
 )
+from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.plant.patient import soft_grip
 
 
@@ -24,16 +24,16 @@ def firm(module):
 
     `test_planar_stability.py` has what a softer one leaves of it.
     """
-    return InProcessBench(module._replace(planar=module.planar._replace(structure_stiffness=1e6)))
+    return SimulatedStand(module._replace(planar=module.planar._replace(structure_stiffness=1e6)))
 
 
 def quietly(share):
     """Take no notice of progress."""
 
 
-def found(bench, kind, case, **more):
+def found(stand, kind, case, **more):
     trial = trial_of(case, law_of(Settings(), kind))._replace(**more)
-    return error_of(reduced(trial, bench.record(trial, quietly)))
+    return error_of(reduced(trial, stand.record(trial, quietly)))
 
 
 @pytest.mark.parametrize(
@@ -51,11 +51,11 @@ def test_feedback_leaves_a_fraction_of_the_error_and_keeps_its_gain(firm, case, 
     assert after.share >= share, "a false alarm of the guard"
 
 
-def test_a_soft_grip_with_little_damping_ends_in_less_gain_not_in_an_oscillation(bench):
+def test_a_soft_grip_with_little_damping_ends_in_less_gain_not_in_an_oscillation(stand):
     grip = soft_grip(9000.0, 12.0, 0.4)
-    error = found(bench, "feedback", "fast_x", grip=grip)
+    error = found(stand, "feedback", "fast_x", grip=grip)
     assert error.share < 0.5
-    assert error.rms < found(bench, "none", "fast_x", grip=grip).rms
+    assert error.rms < found(stand, "none", "fast_x", grip=grip).rms
 
 
 @pytest.mark.parametrize(("friction", "mass"), [(0.8, 0.86), (1.35, 1.16)])
@@ -72,7 +72,7 @@ def test_a_handle_at_rest_stays_there(module, case, friction, mass):
     arm = p._replace(friction=friction * p.friction, module_mass=mass * p.module_mass)
     noises = range(4) if case == "wall_1e6_badly" else (1,)
     errors = [
-        found(InProcessBench(module._replace(planar=arm), seed=noise), "feedback", case)
+        found(SimulatedStand(module._replace(planar=arm), seed=noise), "feedback", case)
         for noise in noises
     ]
     assert max(error.travel for error in errors) < 0.5e-3
@@ -81,10 +81,10 @@ def test_a_handle_at_rest_stays_there(module, case, friction, mass):
     assert max(error.shaking for error in errors) < 0.5
 
 
-def test_a_soft_grip_carries_the_same_force_at_rest(bench):
+def test_a_soft_grip_carries_the_same_force_at_rest(stand):
     """Between handle and arm there is nothing else: the spring's 5 N arrive."""
     trial = trial_of("holding", law_of(Settings(), "feedback"))
-    samples = bench.record(trial._replace(grip=soft_grip(5000.0, 60.0, 0.4)), quietly)
+    samples = stand.record(trial._replace(grip=soft_grip(5000.0, 60.0, 0.4)), quietly)
     wanted = trial.settings.stiffness * samples.handle[-1]
     assert samples.true_force[-1] == pytest.approx(wanted, abs=0.5)
     assert math.hypot(*samples.handle[-1]) > 0.03
@@ -110,9 +110,9 @@ def test_a_hand_of_1_m_s_is_braked_before_the_joints_stop(monkeypatch, inertia, 
     assert figures["blow"] < 60.0
 
 
-def test_samples_have_two_columns_and_the_hand_lets_go(bench):
+def test_samples_have_two_columns_and_the_hand_lets_go(stand):
     trial = trial_of("released", law_of(Settings(), "none"))
-    samples = bench.record(trial, quietly)
+    samples = stand.record(trial, quietly)
     assert samples.handle.shape == (len(samples.time), 2)
     held = round(trial.released_after / (samples.time[1] - samples.time[0]))
     assert math.hypot(*samples.true_force[held - 5]) > 1.0

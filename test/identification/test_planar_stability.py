@@ -9,7 +9,6 @@ import pytest
 from screw_module_ros import geometry
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.identification import planar_stability
-from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.planar_sampled_loop import (
     MOST,
@@ -20,6 +19,7 @@ from screw_module_ros.identification.planar_sampled_loop import (
     radius,
     sampled_plane,
 )
+from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.identification.trials import Arm, PlanarTrial, PlaneLoop
 
 LAW, LOOP, HAND = PlanarSettings(), PlaneLoop(), Arm()
@@ -47,7 +47,7 @@ def grown(module, plane, loop, law):
     trial = PlanarTrial(
         law, arm=plane.environment, centre=(plane.x, plane.y), loop=loop, duration=8.0
     )
-    samples = InProcessBench(quiet).record(trial, lambda share: None)
+    samples = SimulatedStand(quiet).record(trial, lambda share: None)
     size = np.hypot(*samples.true_force.T)
     block = round(0.1 * loop.rate)
     peaks = size[: len(size) // block * block].reshape(-1, block).max(axis=1)
@@ -133,10 +133,10 @@ def test_a_loop_that_cannot_be_run_is_refused(module, loop, said):
         sampled_plane(Plane(module.planar), loop)
 
 
-def test_on_a_soft_structure_the_guard_takes_the_gain_and_more_is_felt(bench, tmp_path):
+def test_on_a_soft_structure_the_guard_takes_the_gain_and_more_is_felt(stand, tmp_path):
     """About 4.1 N with a gain of 9 on 1e5 N/m, 3.7 N without one, 1.1 N with 2."""
     wanted = planar_stability.Settings(stiffnesses=(1e5, 1e6))
-    result = planar_stability.run(Lab(bench, tmp_path), wanted)
+    result = planar_stability.run(Lab(stand, tmp_path), wanted)
     felt = {gain: result.value(f"rms_{gain:g}_100000") for gain in wanted.gains}
     assert result.value("share_9_100000") < 0.1
     assert felt[9.0] > felt[0.0] > 3.0 * felt[2.0]

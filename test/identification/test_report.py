@@ -9,7 +9,6 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.identification import page, reproduce
-from screw_module_ros.identification.bench import LoopSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.page import html_page
@@ -30,6 +29,7 @@ from screw_module_ros.identification.report import (
     value_text,
 )
 from screw_module_ros.identification.results import DERIVED, Published, Quantity, Result
+from screw_module_ros.identification.stand import LoopSettings
 
 TEN = Published("gravity_about", 0.5)
 
@@ -204,9 +204,9 @@ def test_what_fails_is_reported_not_hidden(tmp_path):
     assert code == 1 and "plant.yaml" in output
 
 
-def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, bench):
+def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, stand):
     """Mass and calibration of a module were computed with the friction of an earlier run's."""
-    lab = Lab(bench, tmp_path)
+    lab = Lab(stand, tmp_path)
     Result("friction_model", (), {}).save(tmp_path)
     assert reproduce._outcome(lab, "friction_model", "thesis").failure
     with pytest.raises(MissingResult):

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from formula_bench import keep, keep_calibration
+from formula_stand import keep, keep_calibration
 
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.identification import (
@@ -57,8 +57,8 @@ def found(lab, module, inertia=INERTIA, plane=(6.3, 0.6, 0.6, 0.6)):
 
 
 @pytest.fixture
-def lab(tmp_path, bench):
-    return Lab(bench, tmp_path)
+def lab(tmp_path, stand):
+    return Lab(stand, tmp_path)
 
 
 def verdicts(result):
@@ -143,9 +143,9 @@ def test_a_known_mechanism_is_found_along_the_direction():
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory, bench):
+def measured(tmp_path_factory, stand):
     settings = planar_impedance.Settings(frequencies=(1.0, 2.0))
-    return planar_impedance.run(Lab(bench, tmp_path_factory.mktemp("plane")), settings)
+    return planar_impedance.run(Lab(stand, tmp_path_factory.mktemp("plane")), settings)
 
 
 def test_without_feedback_the_hand_moves_arm_and_module(measured, module):

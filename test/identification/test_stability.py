@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from formula_bench import FormulaBench, keep
+from formula_stand import FormulaBench, keep
 
 from screw_module_ros.calibration.gain_limits import (
     FEEDBACK,
@@ -318,7 +318,7 @@ DELIVERED = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
 
 @pytest.fixture
 def lab(tmp_path):
-    """A lab with a bench that has no module to show a truth of."""
+    """A lab with a stand that has no module to show a truth of."""
     return Lab(FormulaBench(), tmp_path)
 
 
@@ -379,12 +379,12 @@ def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
     [
         ({"law_version": "of last year"}, "", "version of last year of the law"),
         ({"masses": stability.NOMINAL}, "", "run gravity and inertia"),
-        ({}, "live graph, hardware, module ARM-0008", "from another bench .*ARM-0008"),
+        ({}, "live graph, hardware, module ARM-0008", "from another stand .*ARM-0008"),
     ],
 )
-def test_gains_of_another_law_or_module_make_no_file(lab, change, bench, said):
+def test_gains_of_another_law_or_module_make_no_file(lab, change, stand, said):
     found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
-    Result("stability", (), found | change, (), {}, bench).save(lab.folder)
+    Result("stability", (), found | change, (), {}, stand).save(lab.folder)
     with pytest.raises(MissingResult, match=said):
         calibration.write_gain_limits(lab, DELIVERED, "ARM-0007")
     assert not list(lab.folder.glob("*module_gain_limits*")), "nor a half of one"

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from formula_bench import COUNT, FormulaBench, Module
+from formula_stand import COUNT, FormulaBench, Module
 
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.identification import friction_map, friction_spectrum, repeatability
-from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.stage_runs import (
     BINS,
@@ -23,6 +22,7 @@ from screw_module_ros.identification.stage_runs import (
     lowpass_taps,
     steady_part,
 )
+from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.identification.trials import Samples, StageTrial
 
 RATE = 2000.0
@@ -97,7 +97,7 @@ ONE_SPEED = {"speeds": (0.06,), "inverted_speeds": (), "low": 0.135, "high": 0.1
 @pytest.fixture
 def bench_with(module):
     """Return a function that makes the simulated module with another lead."""
-    return lambda lead: InProcessBench(
+    return lambda lead: SimulatedStand(
         module._replace(vertical=module.vertical._replace(lead=lead))
     )
 
@@ -117,8 +117,8 @@ def test_a_rig_with_another_lead_is_found(tmp_path, bench_with, experiment, sett
         experiment.run(Lab(bench_with(lead), tmp_path), experiment.Settings(**settings))
 
 
-def test_the_rig_of_the_thesis_passes(tmp_path, bench):
-    result = friction_map.run(Lab(bench, tmp_path), friction_map.Settings(**ONE_SPEED))
+def test_the_rig_of_the_thesis_passes(tmp_path, stand):
+    result = friction_map.run(Lab(stand, tmp_path), friction_map.Settings(**ONE_SPEED))
     assert result.value("filled_up") > 0.05
 
 
@@ -132,8 +132,8 @@ def test_the_encoder_shows_turns_not_heights(bench_with):
 @pytest.mark.parametrize("worn", [0.0, 0.5])
 def test_what_changes_between_two_runs_is_told_from_noise(tmp_path, worn):
     """Each run has more friction than the one before; a run downward feels it downward."""
-    bench = FormulaBench(Module(noise=0.1, worn=worn))
-    result = repeatability.run(Lab(bench, tmp_path), repeatability.Settings())
+    stand = FormulaBench(Module(noise=0.1, worn=worn))
+    result = repeatability.run(Lab(stand, tmp_path), repeatability.Settings())
     for way, sign in (("up", 1.0), ("down", -1.0)):
         change = sign * worn * (0.9 + 2.5 * 0.05)
         assert result.value(f"difference_{way}") == pytest.approx(change, abs=0.01)
@@ -143,8 +143,8 @@ def test_what_changes_between_two_runs_is_told_from_noise(tmp_path, worn):
 
 @pytest.mark.parametrize("rollers", [0.4, 0.0])
 def test_screw_and_rollers_are_found_in_the_spectrum(tmp_path, rollers):
-    bench = FormulaBench(Module(noise=0.05, rollers=rollers))
-    result = friction_spectrum.run(Lab(bench, tmp_path), friction_spectrum.Settings())
+    stand = FormulaBench(Module(noise=0.05, rollers=rollers))
+    result = friction_spectrum.run(Lab(stand, tmp_path), friction_spectrum.Settings())
     for way in ("up", "down"):
         for what, turns, force in (("screw", 1.0, 1.5), ("rollers", 4.0, rollers)):
             there = turns * 20.0 / 19.05 if force else np.nan

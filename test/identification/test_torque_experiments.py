@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from formula_bench import FormulaBench, Motor, keep, keep_line
+from formula_stand import FormulaBench, Motor, keep, keep_line
 
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.identification.experiments import EXPERIMENTS
@@ -23,10 +23,10 @@ DELAY = 280e-6, 0.018
 
 
 def found(folder, name, motor, **settings):
-    """Run an experiment on a motor; return its result and the bench."""
-    bench = FormulaBench(motor=motor)
+    """Run an experiment on a motor; return its result and the stand."""
+    stand = FormulaBench(motor=motor)
     chosen = EXPERIMENTS[name].settings()._replace(**settings)
-    return EXPERIMENTS[name].run(Lab(bench, folder), chosen), bench
+    return EXPERIMENTS[name].run(Lab(stand, folder), chosen), stand
 
 
 @pytest.mark.parametrize(
@@ -68,8 +68,8 @@ def test_the_measured_amplifier_is_used(tmp_path):
 
 
 def test_forty_frequencies_a_decade_of_whole_cycles(tmp_path):
-    result, bench = found(tmp_path, "amplifier_response", Motor(), low=1000.0, shortest=0.005)
-    cycles = [(trial.duration - 0.01) * trial.frequency for trial in bench.asked]
+    result, stand = found(tmp_path, "amplifier_response", Motor(), low=1000.0, shortest=0.005)
+    cycles = [(trial.duration - 0.01) * trial.frequency for trial in stand.asked]
     assert len(cycles) == 41 and cycles == pytest.approx(np.round(cycles), abs=1e-6)
     assert result.data["frequency"][[0, -1]] == pytest.approx([1000.0, 10_000.0])
 

@@ -195,7 +195,7 @@ def test_a_repeated_zero_is_obeyed_at_once(enabled):
     sequence, last = enabled.controller.answered[:2]
     assert not enabled.axis.command(sequence, last, 0.0, enabled.now_ns)
     assert enabled.axis.last.command == 0.0
-    enabled.axis.idle(enabled.now_ns + 3_000_000)
+    enabled.axis.serve_without_command(enabled.now_ns + 3_000_000)
     assert enabled.axis.last.command == 0.0, "the force before does not come back"
     assert not enabled.axis.command(sequence, last, 5.0, enabled.now_ns)
     assert enabled.axis.last.command == 0.0, "any other repeated force is not acted upon"

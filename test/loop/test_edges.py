@@ -146,7 +146,7 @@ def test_what_a_frozen_joint_has_added_up_is_forgotten_without_torque(bench):
 
 
 def test_ticks_that_an_overrun_skips_are_counted_by_each_part(bench):
-    parts = (bench.plane, bench.axis, *bench.parts[:2])
+    parts = (bench.plane, bench.axis, *bench.roles[:2])
     before = [part.skipped for part in parts]
     bench.clock.time_ns += 3_400_000
     bench.tick()
@@ -158,11 +158,11 @@ def test_without_samples_every_part_of_the_command_is_zero(enabled):
     enabled.setpoint = (enabled.home + 0.03, 0.0)
     enabled.ticks(100)
     shown = enabled.controller.output.desired_position
-    output = enabled.controller.idle(enabled.now_ns + 10**9)
+    output = enabled.controller.stop_when_silent(enabled.now_ns + 10**9)
     assert output == NO_FORCE._replace(desired_position=shown)
     assert output[:6] == (0.0,) * 6 and not output.saturated
     assert (output.desired_velocity, output.share) == (0.0, 1.0)
-    assert enabled.controller.idle(enabled.now_ns + 10**9) is None, "zero is sent once"
+    assert enabled.controller.stop_when_silent(enabled.now_ns + 10**9) is None, "zero is sent once"
 
 
 # -- slot -----------------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ def test_a_force_is_written_again_after_two_periods_without_a_command():
     sent = []
     made = open_axis(sent)
     made._write(3.0, 1000 * MS)
-    made.idle(1002 * MS - 1)
+    made.serve_without_command(1002 * MS - 1)
     assert len(sent) == 1
-    made.idle(1002 * MS)
+    made.serve_without_command(1002 * MS)
     assert len(sent) == 2

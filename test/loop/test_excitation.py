@@ -160,7 +160,7 @@ def test_the_drive_s_own_limit_follows(bench):
     """0.313 Nm of the laws cut the sine; a limit that stays wide guards nothing afterwards."""
     assert limited(bench, 0.21) == 500
     assert limited(bench, 0.455) == 1084
-    assert limited(bench, 0.21) == 500 and bench.drive.told_limit == 0.21
+    assert limited(bench, 0.21) == 500 and bench.drive.drive_limit == 0.21
     bench.controller.mode = 1
     assert bench.enable() == ""
 

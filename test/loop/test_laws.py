@@ -13,7 +13,7 @@ from laws_of_others import FLOOR, ODD, THE_FLOOR, THE_ODD, OddSettings, worked
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
-from screw_module_ros.control.guard import PASSIVE
+from screw_module_ros.control.gain_guard import PASSIVE
 from screw_module_ros.control.law import pulls
 from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.vertical import VerticalInput

@@ -97,7 +97,7 @@ AT = 1000 * MS
         ("on_encoder", (position(1000, place=0.30), AT)),
         ("on_encoder", (position(1000)._replace(monotonic_ns=10**15), AT)),
         ("set_fault", ("from elsewhere",)),
-        ("idle", (1100 * MS,)),
+        ("stop_when_silent", (1100 * MS,)),
     ],
 )
 def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sample(
@@ -115,7 +115,7 @@ def test_a_fault_in_operation_stays_though_the_drive_goes_off_before_the_next_sa
 def test_after_its_reset_a_fault_without_torque_ends_with_its_cause_again():
     made = controller_in(modes.IMPEDANCE)
     run(made, range(1, 1000), force=0.0)
-    made.idle(1100 * MS)
+    made.stop_when_silent(1100 * MS)
     made.on_drive(False, 0.0, AT)
     made.reset(AT)
     made.set_fault("anything")

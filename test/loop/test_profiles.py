@@ -162,8 +162,8 @@ def test_words_alone_enable_no_drive(unready):
     """Seven texts for seven guards, in place of what holds the torque back."""
     bench = unready(drive="ingenia", word=False)
     words = tuple(profiles.Substitute(guard, "the maker says so") for guard in profiles.GUARDS)
-    make = bench.drive.make
-    bench.drive.make = make._replace(drive=make.drive._replace(substitutes=words))
+    profile = bench.drive.profile
+    bench.drive.profile = profile._replace(drive=profile.drive._replace(substitutes=words))
     bench.ready()
     assert "master_heartbeat" in missing(bench)
     assert "allow_no_heartbeat" in bench.enable()

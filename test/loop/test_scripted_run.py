@@ -20,7 +20,7 @@ import pytest
 
 from screw_module_ros.control.laws import variants
 from screw_module_ros.control.modes import FORCE_FEEDBACK, OFF
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
 
@@ -93,7 +93,7 @@ def _digest(bench: OneThreadRobot, begin: int) -> str:
     meters = [(m.samples, m.late, m.lost, m.histogram) for m in
               (bench.controller.meter, bench.axis.meter, plane.meter)]  # fmt: skip
     counted = [device.counters for device in bench.devices[:2]]
-    sensors = [(part.answers, part.skipped) for part in bench.parts[:2]]
+    sensors = [(part.answers, part.skipped) for part in bench.roles[:2]]
     shown = bench.axis.own, bench.axis.last, plane.controller.output, plane.controller.homed
     digest.update(repr((meters, counted, sensors, shown)).encode())
     return digest.hexdigest()[:16]
@@ -105,11 +105,11 @@ class Apart:
     def __init__(self, bench: OneThreadRobot):
         self.bench, self.lines = bench, []
         self.samples, self.forces, self.commands = deque(), deque(), deque()
-        encoder, force_sensor, controller, drive = bench.parts
+        encoder, force_sensor, controller, drive = bench.roles
         self.processes = [
-            (self._loop(), Parts(encoder, force_sensor)),
-            (self._loop(), Parts(controller=controller)),
-            (self._loop(), Parts(drive=drive)),
+            (self._loop(), Roles(encoder, force_sensor)),
+            (self._loop(), Roles(controller=controller)),
+            (self._loop(), Roles(drive=drive)),
         ]
 
     def _loop(self) -> VerticalLoop:

@@ -17,7 +17,7 @@ from screw_module_ros.devices.errors import BusError
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.ticker import Tick
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 from screw_module_ros.samples import DriveReading, EncoderReading, ForceReading
 from screw_module_ros.trials.one_thread import PERIOD_NS
@@ -51,7 +51,7 @@ def test_an_error_before_the_writes_does_not_skip_them(failing):
 
 def test_the_vertical_drive_is_no_other():
     idle, drive = [], open_axis([])
-    drive._port.pump, drive.idle = fails, idle.append
+    drive._port.pump, drive.serve_without_command = fails, idle.append
     drive.end(Tick(1, S, S + MS, 0), lambda drives, now_ns: None)
     assert idle == [S]
 
@@ -148,7 +148,7 @@ def test_a_controller_alone_waits_for_the_force_of_the_encoders_tick(bench, monk
         take_sample=lambda until_ns: EncoderReading(7, 7 * MS, 7 * MS, 0, 0.1, 0.0, True),
         take_force=lambda until_ns: old if until_ns == 0 else new if comes else None,
     )
-    VerticalLoop(bench.clock, PERIOD_NS, wires).step(Parts(controller=bench.controller))
+    VerticalLoop(bench.clock, PERIOD_NS, wires).step(Roles(controller=bench.controller))
     assert used == [7 if comes else 6]
 
 
@@ -156,7 +156,7 @@ def test_an_encoder_alone_waits_for_no_commands():
     """Its process has no drive: commands are another one's."""
     asked: list[int] = []
     loop = VerticalLoop(ManualClock(5 * MS), MS, Wires(take_command=asked.append))
-    loop.step(Parts(encoder=Mock()))
+    loop.step(Roles(encoder=Mock()))
     assert asked == []
 
 

@@ -97,17 +97,17 @@ def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, k
     voices = publish(node, kind, topic, 1)
     node._senders.count()
     node.read_inputs(MS)
-    assert "publish" not in node.part.reason
+    assert "publish" not in node.role.reason
     voices += publish(node, kind, topic, 1)
     node._senders.count()
     node.read_inputs(2 * MS)
-    assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.part.reason
-    assert node.part.faulted
+    assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.role.reason
+    assert node.role.faulted
     node.destroy_publisher(voices.pop())
     node._senders.count()
-    node.part.reset(3 * MS)
+    node.role.reset(3 * MS)
     node.read_inputs(3 * MS)
-    assert not node.part.faulted
+    assert not node.role.faulted
     node.close()
 
 
@@ -215,7 +215,7 @@ def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
     node._chain, node.drives, node.period_ns = TorqueChain(), (drive,), MS
     node.port = SimpleNamespace(clock=node.clock, close=lambda: None)
     node._screw = Screw()
-    node.part = SimpleNamespace(heat=lambda now_ns: 0.1)
+    node.role = SimpleNamespace(heat=lambda now_ns: 0.1)
 
     def silent():
         raise NotAnswering("the drive has no supply")
@@ -224,7 +224,7 @@ def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
     for _ in range(2):
         with pytest.raises(NotAnswering):
             node.begin()
-    assert node.part.heat(node.clock.now_ns()) == 0.1
+    assert node.role.heat(node.clock.now_ns()) == 0.1
     monkeypatch.setattr(node, "port_values", lambda skipped: {})
     monkeypatch.setattr(node, "drive_health", lambda values, state: values)
     share = 0.1 / node._chain.limits.continuous**2

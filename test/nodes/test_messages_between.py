@@ -268,12 +268,12 @@ def test_a_set_point_from_before_is_gone(controller, publish, wait_until):
     def wanted() -> bool:
         publish()
         controller.read_inputs(controller.clock.now_ns())
-        return not math.isnan(controller.part.wanted.at(controller.clock.now_ns(), True)[0])
+        return not math.isnan(controller.role.wanted.at(controller.clock.now_ns(), True)[0])
 
     wait_until(wanted)
     controller.trigger_deactivate()
     controller.trigger_activate()
-    assert math.isnan(controller.part.wanted.at(controller.clock.now_ns(), True)[0])
+    assert math.isnan(controller.role.wanted.at(controller.clock.now_ns(), True)[0])
     controller.close()
 
 

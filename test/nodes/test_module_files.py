@@ -85,8 +85,8 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     assert node._state_message.calibration == calibration.identity
     assert node.get_parameter("gravity").value == GRAVITY
     node.trigger_activate()
-    assert node.part.settings.gravity == GRAVITY
-    assert node.part.settings.observer_inertia == KNOWN_SHARE
+    assert node.role.settings.gravity == GRAVITY
+    assert node.role.settings.observer_inertia == KNOWN_SHARE
     node.close()
 
 
@@ -97,7 +97,7 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     assert not node.parameters.write(gravity=8.0)
     assert node._state_message.calibration == f"{calibration.identity}, gravity 8 N by hand"
     node.trigger_activate()
-    assert node.part.settings.gravity == 8.0
+    assert node.role.settings.gravity == 8.0
     assert not node.parameters.write(gravity=GRAVITY)
     assert node._state_message.calibration == calibration.identity
     node.close()
@@ -109,15 +109,15 @@ def test_a_mass_set_by_hand_is_told_and_not_carried(make_node, calibration):
     node.trigger_configure()
     node.trigger_activate()
     assert not node.parameters.write(mass=9.0)
-    law = node.part.settings
+    law = node.role.settings
     assert law.mass == 9.0
     assert law.observer_inertia * law.mass == pytest.approx(KNOWN_SHARE * 5.5)
     assert node._state_message.calibration == f"{calibration.identity}, mass 9 kg by hand"
     node.trigger_deactivate()
     node.trigger_activate()
-    assert node.part.settings == law
+    assert node.role.settings == law
     assert not node.parameters.write(mass=5.5)
-    assert node.part.settings.observer_inertia == KNOWN_SHARE
+    assert node.role.settings.observer_inertia == KNOWN_SHARE
     assert node._state_message.calibration == calibration.identity
     node.close()
 
@@ -218,7 +218,7 @@ def test_it_starts_with_gains_within_its_modules_limits(controller, required):
     node.trigger_configure()
     assert node.get_parameter("observer_gain").value == VerticalSettings().observer_gain
     node.trigger_activate()
-    assert node.part.settings.force_gain == 6.28
+    assert node.role.settings.force_gain == 6.28
     assert "6.28 at most" in changed(node, force_gain=8.0)
     node.trigger_deactivate()
     node.trigger_cleanup()

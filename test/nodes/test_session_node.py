@@ -113,7 +113,7 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     assert [follow(recording, second) for second in (1, 5, 10)] == [""] * 3
     assert follow(recording, 12) == REFUSED
     assert "does not answer" in recording.message
-    assert not recording.waits and recording.hindrance("P-22222", True, 12 * S) == ""
+    assert not recording.waits and recording.start_refusal("P-22222", True, 12 * S) == ""
 
 
 def test_a_recorder_that_appears_in_time_records(recording, recorder):
@@ -204,11 +204,11 @@ def test_a_recording_ends_a_second_after_its_session(recording, recorder):
     assert follow(recording, 3, in_session=False) == "" and recording.runs
     assert follow(recording, 3.9, in_session=False) == "" and recording.runs
     assert follow(recording, 4, in_session=False) == "" and not recording.runs
-    assert "is being closed" in recording.hindrance("P-22222", True, 4 * S)
-    late = recording.hindrance("P-22222", True, 14 * S)
+    assert "is being closed" in recording.start_refusal("P-22222", True, 4 * S)
+    late = recording.start_refusal("P-22222", True, 14 * S)
     assert late == "", "a mute recorder is waited for no more"
     recorder.answer("stop", DONE)
-    assert recording.hindrance("P-22222", True, 4 * S) == ""
+    assert recording.start_refusal("P-22222", True, 4 * S) == ""
     assert recording.message == "recorded to bag"
 
 

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support import runtime
-from screw_module_ros.nodes.support.place import Kept
+from screw_module_ros.nodes.support.place import SavedState
 from screw_module_ros.safety.supervision import (
     ALL_NODES,
     EARLIER,
@@ -216,7 +216,7 @@ def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
     with monkeypatch.context() as patch:
         patch.setattr("os.access", lambda path, mode: False)
         with pytest.raises(PermissionError):  # where nothing can be written nothing was kept
-            Kept("/supervisor").read()
+            SavedState("/supervisor").read()
     shutil.rmtree(folder)
     folder.write_text("no folder")
     node = supervisor()
@@ -228,12 +228,12 @@ def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
 
 
 def test_each_name_and_domain_has_its_own(folder, monkeypatch):
-    one, second = Kept("/supervisor"), Kept("/supervisor/supervisor")
+    one, second = SavedState("/supervisor"), SavedState("/supervisor/supervisor")
     one.write({"a": 1})
     second.write({"a": 2})
-    assert (one.read(), Kept("/supervisor/supervisor").read()) == ({"a": 1}, {"a": 2})
+    assert (one.read(), SavedState("/supervisor/supervisor").read()) == ({"a": 1}, {"a": 2})
     monkeypatch.setenv("ROS_DOMAIN_ID", str(int(os.environ["ROS_DOMAIN_ID"]) + 1))
-    assert Kept("/supervisor").read() == {}
+    assert SavedState("/supervisor").read() == {}
     assert {path.suffix for path in folder.rglob("*") if path.is_file()} == {".json"}
 
 
@@ -252,8 +252,8 @@ def test_one_file_however_the_environment_spells_it(monkeypatch, tmp_path, first
         for name, value in variables.items():
             monkeypatch.setenv(name, value.format(home=tmp_path))
         if not number:
-            Kept("/supervisor").write({"a": 1})
-    assert Kept("/supervisor").read() == {"a": 1}
+            SavedState("/supervisor").write({"a": 1})
+    assert SavedState("/supervisor").read() == {"a": 1}
 
 
 def test_deciding_filling_and_publishing_are_one(supervisor):

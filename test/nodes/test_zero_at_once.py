@@ -10,7 +10,7 @@ import pytest
 from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.nodes.support.topics import Newest
 from screw_module_ros.nodes.support.wire import COMMAND
 from screw_module_ros.samples import EncoderReading, ForceReading
@@ -46,9 +46,9 @@ def axis(make_node):
     made = Axis(make_node("impedance_controller"))
     for _ in range(700):
         sample = made.sample()
-        made.node.part.on_drive(True, 0.0, made.now)
-        made.node.part.on_force(made.force(), made.now)
-        output = made.node.part.on_encoder(sample, made.now)
+        made.node.role.on_drive(True, 0.0, made.now)
+        made.node.role.on_force(made.force(), made.now)
+        output = made.node.role.on_encoder(sample, made.now)
     assert output.force > 5.0
     yield made
     made.node.close()
@@ -58,20 +58,20 @@ def step(axis, sample) -> None:
     """One step of the node's loop with that sample on the topic."""
     wires = Wires(take_sample=lambda until_ns: sample, publish_command=axis.node.publish_command)
     loop = VerticalLoop(ManualClock(axis.now), MS, wires)
-    loop.step(Parts(controller=axis.node.part))
+    loop.step(Roles(controller=axis.node.role))
 
 
 def test_the_node_sends_zero_for_a_sample_that_is_no_number(axis):
     step(axis, axis.sample(math.nan))
     assert axis.told == [(axis.tick - 1, 0.0)], "with the sample it last answered"
-    assert "not a finite number" in axis.node.part.reason
+    assert "not a finite number" in axis.node.role.reason
     step(axis, axis.sample(math.nan))
     assert len(axis.told) == 1
 
 
 def test_the_node_goes_on_after_a_repeated_sample(axis):
-    step(axis, axis.node.part.answered)
-    assert axis.told == [] and axis.node.part.reason == ""
+    step(axis, axis.node.role.answered)
+    assert axis.told == [] and axis.node.role.reason == ""
 
 
 def act_and_publish(axis, sample):
@@ -88,7 +88,7 @@ def act_and_publish(axis, sample):
         position=0.0,
     )
     loop = VerticalLoop(ManualClock(axis.now), MS, Wires(publish_command=axis.node.publish_command))
-    loop.step(Parts(encoder, None, axis.node.part, drive))
+    loop.step(Roles(encoder, None, axis.node.role, drive))
     return given
 
 
@@ -116,8 +116,8 @@ def supervised(axis, monkeypatch):
     def read(resets: int) -> None:
         safety.resets = resets
         for _ in range(10):
-            axis.node.part.on_encoder(axis.sample(), axis.now)
-            axis.node.part.on_force(axis.force(), axis.now)
+            axis.node.role.on_encoder(axis.sample(), axis.now)
+            axis.node.role.on_force(axis.force(), axis.now)
         axis.node.read_inputs(axis.now)
 
     return read
@@ -125,18 +125,18 @@ def supervised(axis, monkeypatch):
 
 def test_only_a_rise_of_the_counter_resets(axis, supervised):
     """A supervisor that was started anew counts from 0: no reset that anybody asked for."""
-    axis.node.part.on_encoder(axis.sample(math.nan), axis.now)
-    assert axis.node.part.faulted
+    axis.node.role.on_encoder(axis.sample(math.nan), axis.now)
+    assert axis.node.role.faulted
     for resets, faulted in ((3, True), (3, True), (0, True), (0, True), (1, False)):
         supervised(resets)
-        assert axis.node.part.faulted is faulted, resets
+        assert axis.node.role.faulted is faulted, resets
 
 
 def test_a_reset_is_read_with_the_inputs_however_rarely_the_state_is_published(axis, supervised):
     supervised(3)
-    axis.node.part.on_encoder(axis.sample(math.nan), axis.now)
+    axis.node.role.on_encoder(axis.sample(math.nan), axis.now)
     supervised(3)
     axis.node.publish_state(axis.now)  # the first one is due at once
-    assert axis.node.part.faulted
+    assert axis.node.role.faulted
     supervised(4)
-    assert not axis.node.part.faulted
+    assert not axis.node.role.faulted

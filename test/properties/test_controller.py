@@ -124,7 +124,7 @@ class Controller(RuleBasedStateMachine):
     @rule(wait=st.sampled_from((0, 2 * MS, 6 * MS, 300 * MS)))
     def silence(self, wait):
         self.now_ns += wait
-        self.judge(self.controller.idle(self.now_ns))
+        self.judge(self.controller.stop_when_silent(self.now_ns))
 
     @rule(mode=st.integers(-1, max(all_names())), change=live_changes(VerticalSettings))
     def operator(self, mode, change):

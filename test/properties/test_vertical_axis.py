@@ -238,7 +238,7 @@ class AxisMachine(Machine):
     def silence(self, wait, repeats):
         for _ in range(repeats):
             self.advance(wait if repeats == 1 else 1)
-            self.axis.idle(self.wire.now_ns)
+            self.axis.serve_without_command(self.wire.now_ns)
             self.judge()
 
     @rule(permitted=st.sampled_from((True, True, False)), age=st.sampled_from((0, 0, 0, 90, 200)))

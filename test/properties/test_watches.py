@@ -14,7 +14,7 @@ from screw_module_ros.safety.checks import (
     Stream,
     VerticalChecks,
     WatchSettings,
-    command_problem,
+    command_flaw,
 )
 from screw_module_ros.safety.latch import Latch
 from screw_module_ros.samples import EncoderReading, ForceReading
@@ -47,7 +47,7 @@ class Commands(RuleBasedStateMachine):
             assert stamp <= self.now_ns + MS and (off + 1) % 2**32 <= 2
             assert self.newest_ns is None or stamp > self.newest_ns
         possible = math.isfinite(force) and abs(force) <= LARGEST_COMMAND
-        assert bool(command_problem(force)) != possible
+        assert bool(command_flaw(force)) != possible
         assert not fault or self.fault.reason == fault  # the first reason stays
         self.newest_ns = self.stream.monotonic_ns or self.newest_ns
 

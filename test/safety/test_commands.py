@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from screw_module_ros.safety.checks import Stream, command_problem
+from screw_module_ros.safety.checks import Stream, command_flaw
 from screw_module_ros.safety.latch import Latch
 
 PERIOD_NS = 1_000_000
@@ -41,12 +41,12 @@ def test_new_commands_pass_and_give_their_stamp(commands):
 
 @pytest.mark.parametrize("force", [math.nan, math.inf, -math.inf, 151.0, -1e300])
 def test_an_impossible_force_is_refused(force):
-    assert "beyond anything" in command_problem(force)
+    assert "beyond anything" in command_flaw(force)
 
 
 @pytest.mark.parametrize("force", [0.0, 150.0, -150.0])
 def test_a_possible_force_is_none(force):
-    assert command_problem(force) == ""
+    assert command_flaw(force) == ""
 
 
 def test_older_and_repeated_commands_are_refused(commands):

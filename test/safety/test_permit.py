@@ -18,7 +18,7 @@ from screw_module_ros.loop.requests import Requests
 from screw_module_ros.safety.latch import Age
 from screw_module_ros.safety.permit import (
     CLOSED,
-    GUARDS,
+    CONDITIONS,
     OPEN,
     OPENING,
     STARTING,
@@ -352,11 +352,11 @@ def test_whatever_happens_torque_passes_only_while_all_holds_since_an_enable(eve
         assert (permit.reason == "") == (permit.phase == OPEN)
 
 
-@pytest.mark.parametrize("guard", GUARDS, ids=lambda guard: guard.wrong.__name__)
-def test_every_guard_names_a_hazard_and_the_parameters_that_exist(guard):
+@pytest.mark.parametrize("condition", CONDITIONS, ids=lambda condition: condition.wrong.__name__)
+def test_every_condition_names_a_hazard_and_the_parameters_that_exist(condition):
     hazards = re.findall(r"^\| ([^|]+) \|", HAZARDS.read_text(encoding="utf-8"), re.MULTILINE)
-    assert guard.hazard in hazards
-    for name in filter(None, guard.limit.split(", ")):
+    assert condition.hazard in hazards
+    for name in filter(None, condition.limit.split(", ")):
         assert name.removeprefix("gate.") in fields(PermitSettings)
 
 

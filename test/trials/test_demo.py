@@ -21,7 +21,7 @@ from screw_module_ros.trials.demo import (
     IMPEDANCE,
     MODES,
     OBSERVER,
-    Part,
+    Span,
     Work,
     evaluated,
     path,
@@ -84,8 +84,8 @@ def parts() -> list[Work]:
     begins = [START + number * MODE_MS * MS for number in range(len(MODES))]
     return [
         Work(
-            Part(name, begin, begin + MOVING_MS * MS - 1),
-            Part(name, begin + STILL_MS * MS, begin + MODE_MS * MS - 1),
+            Span(name, begin, begin + MOVING_MS * MS - 1),
+            Span(name, begin + STILL_MS * MS, begin + MODE_MS * MS - 1),
             AWAY,
         )
         for name, begin in zip(MODES, begins, strict=True)
@@ -202,8 +202,8 @@ def test_the_bag_is_dropped_only_when_asked_for(good, tmp_path):
 # Columns of a bag ---------------------------------------------------------------------------------
 
 TICKS = 4000
-PLAIN = Part("plain", 0, 1999 * MS)
-LATE = Part("late", 9_000 * MS, 9_999 * MS)
+PLAIN = Span("plain", 0, 1999 * MS)
+LATE = Span("late", 9_000 * MS, 9_999 * MS)
 
 
 @pytest.fixture
@@ -265,7 +265,7 @@ def test_the_path_has_three_axes_and_only_valid_samples(topics):
 
 
 def test_counts_are_those_of_the_stretch(topics):
-    found = timing(topics, Part("half", 1000 * MS, 2990 * MS))
+    found = timing(topics, Span("half", 1000 * MS, 2990 * MS))
     assert (found.commands, found.late, found.lost) == (1990, 19, 0)
     assert found.duration == pytest.approx(1.99)
     assert found.rate == pytest.approx(1000.0)
@@ -283,6 +283,6 @@ def test_a_restarted_drive_node_is_told(topics, name):
 
 def test_one_state_says_nothing_and_no_ticks_have_no_share(topics):
     with pytest.raises(BagError, match="has 1 states"):
-        timing(topics, Part("short", 0, 5 * MS))
+        timing(topics, Span("short", 0, 5 * MS))
     topics["/screw/amplifier_state"]["commands"][:] = 3
     assert math.isnan(timing(topics, PLAIN).in_time)

@@ -112,7 +112,7 @@ def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
     return laws
 
 
-def refused(law: Law, settings: Any, mode: int) -> str:
+def refusal(law: Law, settings: Any, mode: int) -> str:
     """Return why settings do not go with a mode of a law, empty if they do."""
     try:
         said = law.refusal(settings, mode)

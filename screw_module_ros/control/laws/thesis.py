@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from ...filters import Lowpass, clear, derivative, envelope, tune
 from ..friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
-from ..guard import leaky_gain
+from ..gain_guard import leaky_gain
 from ..law import Asked, Help, Law, Motion, Robot, Sample, Variant
 from ..limits import clamp, slew
 from ..modes import COMBINED, FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, OBSERVER

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live characterization: a bench that uses the running graph (`characterize`)."""
+"""Live characterization: a stand that uses the running graph (`characterize`)."""

@@ -42,9 +42,9 @@ from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.settings import Setting, shown
 
-from .bench import LiveBench
 from .fixture import OperatorFixture, RigBusSettings, RigFixture, sees_rig
 from .samples import SamplesLost
+from .stand import LiveStand
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3
 _FEEDBACK_S, _GOOD_S = 0.2, 10.0
@@ -53,7 +53,7 @@ _REASONS = (
     NotPossible, MissingResult, RobotError, BagError, SamplesLost, TimeStandsStill, ValueError,
     OSError,
 )  # fmt: skip
-_IDLE_S = 0.05
+_POLL_S = 0.05
 _WALL = WallClock()  # those who wait for this process, or for a result, use wall clock
 
 
@@ -99,7 +99,7 @@ class CharacterizeNode(Node):
     def step(self) -> None:
         """Wait: the experiment's thread does the work."""
         self.clock.idle()
-        self.stopping.wait(_IDLE_S)
+        self.stopping.wait(_POLL_S)
 
     def run(self) -> None:
         """Run until the process must end, then let the experiment restore the graph."""
@@ -114,7 +114,7 @@ class CharacterizeNode(Node):
         self._leaving.set()
         end_ns = _WALL.now_ns() + round(_LEAVE_S * 1e9)
         while self._server.busy and _WALL.now_ns() < end_ns:
-            _WALL.sleep(_IDLE_S)
+            _WALL.sleep(_POLL_S)
 
     def disconnect(self) -> None:
         """Leave the graph as a client."""
@@ -189,10 +189,10 @@ class CharacterizeNode(Node):
         parts, hurried = folder / "parts" / experiment.name, self.stopping.is_set
         with closing(
             RigFixture(robot) if seen else OperatorFixture(robot, self._confirmed, say)
-        ) as fixture, LiveBench(robot, self._publish, fixture, parts, say, left, hurried) as bench:
-            lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
+        ) as fixture, LiveStand(robot, self._publish, fixture, parts, say, left, hurried) as stand:
+            lab = Lab(stand, folder, feedback.progress, stand.fingerprint())
             result = lab.run(experiment, settings)
-        return result._replace(notes=(*result.notes, *bench.notes))
+        return result._replace(notes=(*result.notes, *stand.notes))
 
     def health(self) -> Health:
         """The running experiment."""

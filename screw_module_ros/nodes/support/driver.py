@@ -19,7 +19,7 @@ from screw_module_ros.devices.errors import DeviceError, NotConfigured, NotNow, 
 from screw_module_ros.locks import lock_device, runs
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.ticker import period_of
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.settings import Setting
 
 from .inbox import Inbox
@@ -113,12 +113,12 @@ def device_values(counters: Counter[str]) -> dict[str, int]:
 class SensorNode(DriverNode):
     """A node with one sensor. Subclasses define `connect`, `begin`, `end`, `publish`.
 
-    device: the sensor's driver, from `connect` on. part: its part in the loop, from `begin` on;
-    parts: of its loop.
+    device: the sensor's driver, from `connect` on. role: its role in the loop, from `begin` on;
+    roles: those of its loop.
     """
 
     device: Any
-    parts: Parts
+    roles: Roles
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -136,14 +136,14 @@ class SensorNode(DriverNode):
         self._slow_every = max(1, round(1e9 / self.period_ns / graph.DECIMATED_RATE))
 
     def start_samples(self, wires: Wires) -> None:
-        """Start device and loop; `parts` comes next."""
+        """Start device and loop; `roles` comes next."""
         self.device.start()
-        self.part = PolledSensor(self.device, self.port, self.clock)
+        self.role = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
 
     def step(self) -> None:
         """One tick: request out, reading in, sample out."""
-        self._loop.step(self.parts)
+        self._loop.step(self.roles)
 
     def publish_packed(self, data: bytes, sequence: int) -> None:
         """Publish a reading's message, each n-th also on the decimated topic."""
@@ -168,10 +168,10 @@ class SensorNode(DriverNode):
         rate = self._rate.rate(counters["received"], self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
-            **latency_values("answer", self.part.answers),
+            **latency_values("answer", self.role.answers),
             **shown,
             **device_values(counters),
-            **self.port_values(self.part.skipped),
+            **self.port_values(self.role.skipped),
         }
         if alarm := self.alarm:  # once: the loop may end it meanwhile
             return Health(ERROR, alarm, values)

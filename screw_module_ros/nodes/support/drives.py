@@ -177,12 +177,14 @@ class Permission:
         """
         for safety in islice(iter(self._take, None), topics.PERMISSION.depth):
             came_ns = getattr(self._take, "arrived_ns", now_ns)
-            permit.supervise(getattr(safety, self._field), why_not(safety, self._field), came_ns)
+            permit.supervise(
+                getattr(safety, self._field), _permission_refusal(safety, self._field), came_ns
+            )
         if self.warning:
             permit.supervise(False, self.warning, now_ns)
 
 
-def why_not(safety: SafetyState, field: str) -> str:
+def _permission_refusal(safety: SafetyState, field: str) -> str:
     """Return why this field withholds the permission of its axes, empty if it does not.
 
     The message's reasons are those against all motion: the lock and a node that is not required

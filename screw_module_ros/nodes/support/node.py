@@ -30,7 +30,7 @@ from .topics import Senders, offered
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 _LEAVE_STEP_S = 2.0
-_IDLE_S = 0.05
+_POLL_S = 0.05
 
 
 class Node(LifecycleNode):
@@ -100,7 +100,7 @@ class Node(LifecycleNode):
 
     def step(self) -> None:
         """Do one pass of the hot loop, with its waits; must return within a few periods."""
-        self.clock.sleep(_IDLE_S)
+        self.clock.sleep(_POLL_S)
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
@@ -354,7 +354,7 @@ class Node(LifecycleNode):
     def wait_for_activation(self) -> None:
         """Wait until the node is active, for a moment at most."""
         self.clock.idle()
-        self._active.wait(_IDLE_S)
+        self._active.wait(_POLL_S)
 
     # Diagnostics ---------------------------------------------------------------------------
 

@@ -156,14 +156,14 @@ class Parameters:
             current = self._node.get_parameter(parameter.name).value
             wrong = _problem(parameter.name, field, parameter.value, type(current))
             if not wrong and list(_flat(parameter.value)) != list(_flat(current)):
-                wrong = self._fixed(parameter.name, kind, field)
+                wrong = self._change_refusal(parameter.name, kind, field)
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
         changes = {p.name: p.value for p in parameters if p.name in self._fields}
         wrong = self._refusal(changes) if changes and self._declared else ""
         return SetParametersResult(successful=not wrong, reason=wrong)
 
-    def _fixed(self, name: str, kind: type, field: Field) -> str:
+    def _change_refusal(self, name: str, kind: type, field: Field) -> str:
         """Return why a parameter may not change now, empty when it may."""
         if field.setting.at_start and self._declared:
             return f"{name} is fixed once the node has started: start it anew with another value"

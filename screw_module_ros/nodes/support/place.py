@@ -107,7 +107,7 @@ def _is_open() -> bool:
     return os.environ.get(NETWORK_VARIABLE) == "1"
 
 
-class Kept:
+class SavedState:
     """A small file with the state that a node needs again after its process has ended in any way.
 
     It is in the user's state folder. Its name is the one with which `lock_node` locks the node: ROS

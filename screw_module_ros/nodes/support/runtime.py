@@ -193,7 +193,7 @@ class LastResort:
         _RT.timer_settime(self._timer, 0, setting, None)
 
 
-_RT = ctypes.CDLL("librt.so.1")  # since glibc 2.34 it is part of libc
+_RT = ctypes.CDLL("librt.so.1")  # library of the timers; since glibc 2.34 it is part of libc
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
-_LOWEST = 1  # of SCHED_FIFO
+_LOWEST = 1  # lowest priority of SCHED_FIFO
 _SWITCH_INTERVAL = 50e-6  # s; longest delay of the loop by a service callback
 
 

@@ -25,11 +25,11 @@ from std_srvs.srv import Trigger
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import force_error, friction_map
-from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_metric import ErrorOf
 from screw_module_ros.identification.gravity import Crossing
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Result, load_result
+from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
 from screw_module_ros.nodes.bringup import Process
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.plant.settings import load_world
@@ -75,7 +75,7 @@ class Goal:
         return self.result(GoalStatus.STATUS_ABORTED).message
 
 
-class Bench:
+class Stand:
     """The operator, the action client and the graph's former state."""
 
     def __init__(self, robot: Robot, client: ActionClient, process: Process):
@@ -179,7 +179,7 @@ def operated(graph: GraphRun) -> Iterator[tuple[Robot, ActionClient]]:
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory) -> Iterator[Bench]:
+def running(tmp_path_factory) -> Iterator[Stand]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
     folder = tmp_path_factory.getbasetemp()
     fast = ["-p", "sim_rig:speed:=0.0", *recordings_in(folder / "bags")]
@@ -188,7 +188,7 @@ def running(tmp_path_factory) -> Iterator[Bench]:
         process = Process("characterize", given)
         try:
             with operated(graph) as (robot, client):
-                made = Bench(robot, client, process)
+                made = Stand(robot, client, process)
                 yield made
                 process = made.process
         finally:
@@ -199,38 +199,38 @@ def running(tmp_path_factory) -> Iterator[Bench]:
 
 
 @pytest.fixture
-def bench(running: Bench) -> Bench:
+def stand(running: Stand) -> Stand:
     """Return the operator of a robot that stands still, permitted and not enabled."""
     running.make_ready()
     return running
 
 
-def test_experiments_are_listed_and_what_is_not_there_is_refused(bench, tmp_path):
-    assert "static_torque" in bench.goal("").result().message
-    assert "no experiment 'juggling'; there are" in bench.goal("juggling", tmp_path).refusal()
-    assert "signal analyser" in bench.goal("amplifier_response", tmp_path).refusal()
+def test_experiments_are_listed_and_what_is_not_there_is_refused(stand, tmp_path):
+    assert "static_torque" in stand.goal("").result().message
+    assert "no experiment 'juggling'; there are" in stand.goal("juggling", tmp_path).refusal()
+    assert "signal analyser" in stand.goal("amplifier_response", tmp_path).refusal()
 
 
-def test_the_wrong_mounting_and_an_enabled_amplifier_are_refused(bench, tmp_path):
-    bench.fix("human_arm")
-    said = bench.goal("friction_map", tmp_path).refusal()
+def test_the_wrong_mounting_and_an_enabled_amplifier_are_refused(stand, tmp_path):
+    stand.fix("human_arm")
+    said = stand.goal("friction_map", tmp_path).refusal()
     assert "not on the positioning stage but on 'human_arm': ros2 service call" in said
-    said = bench.goal("static_torque", tmp_path).refusal()
+    said = stand.goal("static_torque", tmp_path).refusal()
     assert "the rotor is not locked" in said and "fixture: locked_rotor" in said
-    bench.fix("stage")
-    bench.robot.permit()
-    bench.robot.enable()
+    stand.fix("stage")
+    stand.robot.permit()
+    stand.robot.enable()
     try:
-        assert "must be passive" in bench.goal("friction_map", tmp_path).refusal()
+        assert "must be passive" in stand.goal("friction_map", tmp_path).refusal()
     finally:
-        bench.robot.enable(False)
-    bench.check_put_back()
+        stand.robot.enable(False)
+    stand.check_put_back()
 
 
-def test_static_torque(bench, tmp_path):
+def test_static_torque(stand, tmp_path):
     """The dead zone through the whole graph, and everything as it was afterwards."""
-    bench.fix("locked_rotor")
-    goal = bench.goal("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
+    stand.fix("locked_rotor")
+    goal = stand.goal("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
     result, found = goal.result(), load_result(tmp_path, "static_torque")
     assert result.message == f"static_torque is done: {tmp_path}"
     assert result.result == found.as_yaml()
@@ -238,31 +238,31 @@ def test_static_torque(bench, tmp_path):
     assert found.value("torque_constant") == pytest.approx(0.16, rel=0.05)
     assert found.value("dead_zone") == pytest.approx(0.025, abs=0.005)
     assert max(told.progress for told in goal.told) == 1.0
-    bench.check_put_back()
+    stand.check_put_back()
 
 
-def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
+def test_cancelled_the_torque_is_off_and_all_is_put_back(stand, tmp_path):
     """Within the first trial; a second goal meanwhile is refused."""
-    robot = bench.robot
-    bench.fix("locked_rotor")
-    goal = bench.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
+    robot = stand.robot
+    stand.fix("locked_rotor")
+    goal = stand.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
     goal.wait_for("sine of")
-    assert bench.goals_in_time() == ["characterize/goal"]
+    assert stand.goals_in_time() == ["characterize/goal"]
     robot.wait_until(
         lambda: (state := robot.state(AmplifierState)) and state.commanded_torque > 0.1,
         10.0,
         "no torque",
     )
-    assert not bench.goal("static_torque", tmp_path).handle.accepted
+    assert not stand.goal("static_torque", tmp_path).handle.accepted
     goal.handle.cancel_goal_async()
     result = goal.result(GoalStatus.STATUS_CANCELED)
     assert result.message == f"cancelled; what was finished is kept in {tmp_path}"
-    bench.check_put_back()
+    stand.check_put_back()
 
 
-def test_settings_that_are_allowed_only_together_are_put_back(bench):
+def test_settings_that_are_allowed_only_together_are_put_back(stand):
     """The observer refuses to run without damping, so mode and damping must come back together."""
-    robot, node = bench.robot, "impedance_controller"
+    robot, node = stand.robot, "impedance_controller"
     found = robot.parameters(node, ("damping", "mode"))
     undamped = {"damping": 0.0, "mode": ForceCommand.IMPEDANCE}
     try:
@@ -276,22 +276,22 @@ def test_settings_that_are_allowed_only_together_are_put_back(bench):
         robot.set_parameters(node, found)
 
 
-class BySensors(InProcessBench):
-    """The bench in process without the truth, which the live graph does not have."""
+class BySensors(SimulatedStand):
+    """The stand in process without the truth, which the live graph does not have."""
 
     def record(self, trial, on_progress):
         samples = super().record(trial, on_progress)
         return samples._replace(handle=None, handle_velocity=None, true_force=None)
 
 
-def test_observer_delivers_on_the_graph_what_it_does_in_process(bench, tmp_path):
+def test_observer_delivers_on_the_graph_what_it_does_in_process(stand, tmp_path):
     """Small motion, in which delay, friction, gain and zero of the transducer all count.
 
     The guard, tripped by mounting, once left 40 % of the gain: 1.8 times the error.
     """
-    bench.fix("human_arm")
+    stand.fix("human_arm")
     chosen = {"modes": (OBSERVER,), "cases": ("small",), "side_force": 0.0}
-    bench.goal("force_error", tmp_path, **chosen).result()
+    stand.goal("force_error", tmp_path, **chosen).result()
     loop = LoopSettings(rate=1000.0, command_delay=RigSettings().command_latency)
     here = force_error.run(Lab(BySensors(load_world(), loop), tmp_path / "in_process"),
                            force_error.Settings(**chosen))  # fmt: skip
@@ -300,13 +300,13 @@ def test_observer_delivers_on_the_graph_what_it_does_in_process(bench, tmp_path)
     assert live.rms == pytest.approx(in_process.rms, rel=0.2)
     assert live.share == 1.0
     assert live.travel == pytest.approx(in_process.travel, abs=0.5e-3)
-    bench.check_put_back()
+    stand.check_put_back()
 
 
-def test_friction_at_one_speed(bench, tmp_path):
+def test_friction_at_one_speed(stand, tmp_path):
     """The stage up and down over a few centimetres; the maps of the thesis lie at 13 to 23 N."""
-    bench.fix("stage")
-    goal = bench.goal(
+    stand.fix("stage")
+    goal = stand.goal(
         "friction_map", tmp_path, speeds=[0.06], inverted_speeds=[], low=0.135, high=0.165
     )
     goal.result()
@@ -315,17 +315,17 @@ def test_friction_at_one_speed(bench, tmp_path):
     assert abs(found.value("mean_down")) < 4.0
     assert found.value("filled_up") > 0.05
     assert any("stage at -60 mm/s" in told.doing for told in goal.told)
-    bench.check_put_back()
+    stand.check_put_back()
 
 
-def test_the_weight_across_the_play_both_ways(bench, tmp_path):
+def test_the_weight_across_the_play_both_ways(stand, tmp_path):
     """The stage creeps to the other side of the play and back; the guide's friction cancels."""
     nothing = np.full((1, 142), np.nan)
     data = {"centres": 2.5 * (np.arange(142) + 0.5), "speeds": np.array((0.05,))}
     data |= dict.fromkeys(friction_map.MAPS, nothing)
     Result("friction_map", (), {}, (), data).save(tmp_path)
-    bench.fix("stage")
-    goal = bench.goal("gravity", tmp_path, speeds=[0.0005, 0.001], heights=[0.25])
+    stand.fix("stage")
+    goal = stand.goal("gravity", tmp_path, speeds=[0.0005, 0.001], heights=[0.25])
     goal.result()
     found, vertical = load_result(tmp_path, "gravity"), load_world().vertical
     for name, truth, margin in (
@@ -337,7 +337,7 @@ def test_the_weight_across_the_play_both_ways(bench, tmp_path):
     force = found.data["crossings"][:, Crossing._fields.index("force")]
     assert np.isfinite(force).all(), "both ways of each run cross the play"
     assert any("stage at -1 mm/s to 250.0 mm" in told.doing for told in goal.told)
-    bench.check_put_back()
+    stand.check_put_back()
 
 
 @pytest.mark.parametrize(
@@ -346,24 +346,24 @@ def test_the_weight_across_the_play_both_ways(bench, tmp_path):
      ("force_gain", "human_arm", {"gains": [8.0], "preloaded": False}, "the hand moves")],
 )  # fmt: skip
 def test_killed_it_leaves_no_gain_no_torque_and_no_guard_off(
-    bench, tmp_path, experiment, fixture, settings, doing
+    stand, tmp_path, experiment, fixture, settings, doing
 ):
     """A killed torque trial left 141 N and no limit of the rate, a killed motion trial its gain."""
-    robot = bench.robot
-    bench.fix(fixture)
-    bench.goal(experiment, tmp_path, **settings).wait_for(doing)
+    robot = stand.robot
+    stand.fix(fixture)
+    stand.goal(experiment, tmp_path, **settings).wait_for(doing)
     robot.wait_until(
         lambda: abs(robot.newest(AmplifierState).commanded_torque) > 0.02, 10.0, "no torque"
     )
-    assert bench.settings() != bench.found
-    bench.kill()
+    assert stand.settings() != stand.found
+    stand.kill()
     robot.wait_until(
         lambda: not (state := robot.newest(AmplifierState)).enabled and not state.commanded_torque,
         1.0, "the torque stays",
     )  # fmt: skip
     assert "fallen silent" in " ".join(robot.newest(SafetyState).reasons)
-    robot.wait_until(lambda: bench.settings() == bench.found, 1.0, "the trial's settings stay")
+    robot.wait_until(lambda: stand.settings() == stand.found, 1.0, "the trial's settings stay")
     assert robot.call(Trigger, "session_recorder/stop").success, "nothing else has stayed"
-    bench.make_ready()
-    bench.start_again()
-    bench.check_put_back()
+    stand.make_ready()
+    stand.start_again()
+    stand.check_put_back()

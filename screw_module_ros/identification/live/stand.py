@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live graph as a bench: trials with the running nodes, on the rig or on hardware.
+"""The live graph as a stand: trials with the running nodes, on the rig or on hardware.
 
-    with LiveBench(robot, publish, fixture, folder, say) as bench:
-        result = experiment.run(Lab(bench, folder), settings)
+    with LiveStand(robot, publish, fixture, folder, say) as stand:
+        result = experiment.run(Lab(stand, folder), settings)
 
 Each trial is one bag of the session recorder, from which its samples are read. Torque and settings
 of a trial are on a lease (`ExcitationRequest`): when this process dies, the controller ends the
@@ -85,17 +85,17 @@ _SPARE_S = 5.0
 _POLL_S = 0.05
 _CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
 _SAG = 0.05  # largest sag of the handle in a hand [m]
-_MOVED = 3e-6  # of the nut [m]
+_MOVED = 3e-6  # motion of the nut that counts as one [m]
 _CALM = 1e-3  # [m/s]
 _CALM_S, _SETTLE_S, _REST_LIMIT_S = 0.5, 1.5, 5.0
-_WALL = WallClock()  # for the shutdown of the process, which does not wait by the robot's time
+_WALL = WallClock()  # clock of the process's shutdown, which does not wait by the robot's time
 
 Reader = Callable[[Recorded], Samples]
 """Returns a trial's samples from its bag."""
 
 
-class LiveBench:
-    """A `trials.Bench` on the live graph, for one experiment; one thread calls it.
+class LiveStand:
+    """A `trials.Stand` on the live graph, for one experiment; one thread calls it.
 
     left: sentences about what could not be restored; notes: for the result; clock: of the graph.
     """
@@ -133,7 +133,7 @@ class LiveBench:
         place = "simulated rig" if fixture.simulated else "hardware"
         self.name = f"live graph, {place}, module {self.serial or 'without a serial'}"
 
-    def __enter__(self) -> LiveBench:
+    def __enter__(self) -> LiveStand:
         self._robot.watch = self._watch
         return self
 
@@ -323,7 +323,7 @@ class LiveBench:
         robot.enable()
 
     def _torque_off(self) -> None:
-        """Disable the amplifier if this bench enabled it."""
+        """Disable the amplifier if this stand enabled it."""
         if not self._torque_on:
             return
         if self._request is not None:

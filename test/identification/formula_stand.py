@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bench that makes samples by formulas: experiments must find what its numbers hide."""
+"""A stand that makes samples by formulas: experiments must find what its numbers hide."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The in-process bench: simulated module and vertical loop, many times faster than real time.
+"""The in-process stand: simulated module and vertical loop, many times faster than real time.
 
 Plant, drivers' scaling and law are those of the rig and the nodes, in one compiled loop
 (`vertical_loop`) at the thesis's 2 kHz with the plant's finer substeps. There are no buses and
@@ -64,11 +64,11 @@ from .vertical_loop import (
 )
 
 LoopTrial = TorqueTrial | StageTrial | MotionTrial
-ZERO_S = 0.5  # over which the transducer's zero is averaged
+ZERO_S = 0.5  # time over which the transducer's zero is averaged
 _CHUNK = 100_000  # ticks between two reports of progress
 _HUNG_AT = 0.25  # height at which friction holds the free handle [m]
-_SETTLE_S = 3.0  # for the spring to fade in
-_BRAKING_S = 0.05  # of a stage, beyond its way at constant speed
+_SETTLE_S = 3.0  # time for the spring to fade in
+_BRAKING_S = 0.05  # time a stage brakes, beyond its way at constant speed
 
 
 class LoopSettings(NamedTuple):
@@ -97,8 +97,8 @@ class LoopSettings(NamedTuple):
     volt_counts: Annotated[float, Setting("of the A/D card", "1/V", 1.0, 1e6)] = 204.8
 
 
-class InProcessBench:
-    """The simulated module `world` as a `trials.Bench`.
+class SimulatedStand:
+    """The simulated module `world` as a `trials.Stand`.
 
     seed: of the noise and of the transducer's zeros. A command acts after a whole number of
     substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
@@ -126,8 +126,8 @@ class InProcessBench:
         self._paths, self._laws = laws, loaded(laws)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let worker processes have one bench each for many trials."""
-        return _bench_of_process, (self.world, self.loop, self.seed, self._paths)
+        """Let worker processes have one stand each for many trials."""
+        return _stand_of_process, (self.world, self.loop, self.seed, self._paths)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
@@ -304,10 +304,10 @@ class InProcessBench:
 
 
 @functools.lru_cache(maxsize=1)
-def _bench_of_process(
+def _stand_of_process(
     world: WorldSettings, loop: LoopSettings, seed: int, laws: tuple[str, ...]
-) -> InProcessBench:
-    return InProcessBench(world, loop, seed, laws)
+) -> SimulatedStand:
+    return SimulatedStand(world, loop, seed, laws)
 
 
 def asked_for(quiet: LoopParams, trial: LoopTrial) -> LoopParams:

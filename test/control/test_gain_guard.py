@@ -7,13 +7,13 @@ import pytest
 from law_runs import DT, VERTICAL, initial_state, vertical_outputs
 
 from screw_module_ros.control import modes
-from screw_module_ros.control.guard import (
+from screw_module_ros.control.gain_guard import (
     BEGIN,
     END,
     KEPT,
     PASSIVE,
     RETURN,
-    Guard,
+    GainGuard,
     damper_force,
     forget,
     guard_step,
@@ -30,7 +30,7 @@ REST = VerticalInput(modes.IMPEDANCE, AT, 0.0, 0.0, AT, 0.0, True)
 
 def quiet():
     """A guard that has seen nothing."""
-    guard = Guard()
+    guard = GainGuard()
     tune_guard(guard, DT)
     return guard
 

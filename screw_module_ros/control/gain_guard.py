@@ -42,13 +42,13 @@ BEGIN, END = 20.0, 100.0  # [Ns/m] need from which the gain falls, at which it i
 SLOW, QUICK = 20.0, 35.0  # [rad/s] a hand's own motion; from where all of an oscillation counts
 OF_FREQUENCY = 0.5  # corner of the damper's high pass, of the oscillation's frequency
 LOWEST, HIGHEST = 18.0, 200.0  # [rad/s] of that corner
-OBSERVED = 0.5  # of `chatter_limit`: how much less a leaky gain needs for its oscillation to count
-LEAST_SHARE = 1e-3  # of the gain: its filter stays finite
+OBSERVED = 0.5  # share of `chatter_limit` from which an oscillation of a leaky gain counts
+LEAST_SHARE = 1e-3  # least share of the gain: its filter stays finite
 STILL = 1e-9  # [m^2/s^2] added to <v^2>: a nut that does not move shows no resistance
 
 CHATTER_HZ = 60.0
 CHATTER_WINDOW = 0.05  # [s] of the mean square
-CLIPPED = 3.0  # of the limit: one knock is no chatter, however hard
+CLIPPED = 3.0  # limits that one knock counts at most: it is no chatter, however hard
 GROWTH = 10.0  # [1/s] of the excess at twice the limit
 BORNE = 0.5  # excess from which the gain falls; at 1 more it is gone
 RETURN = 0.3  # [s] in which the gain comes back
@@ -87,7 +87,7 @@ class Passivity:
 
 
 @dataclass(slots=True)
-class Guard:
+class GainGuard:
     """Both elements, and the share of the force gains that they leave, 0 to 1."""
 
     passivity: Passivity = field(default_factory=Passivity)
@@ -95,7 +95,7 @@ class Guard:
     share: float = 1.0
 
 
-def tune_guard(guard: Guard, dt: float, chatter_hz: float = CHATTER_HZ) -> None:
+def tune_guard(guard: GainGuard, dt: float, chatter_hz: float = CHATTER_HZ) -> None:
     """Prepare the filters for a sample time dt [s]; chatter_hz: corner of the chatter [Hz]."""
     tune_highpass(guard.passivity.error, RAPID_HZ, dt)
     tune_highpass(guard.passivity.velocity, RAPID_HZ, dt)
@@ -103,7 +103,7 @@ def tune_guard(guard: Guard, dt: float, chatter_hz: float = CHATTER_HZ) -> None:
 
 
 def guard_step(
-    guard: Guard, force: float, error: float, velocity: float, least: float, limit: float,
+    guard: GainGuard, force: float, error: float, velocity: float, least: float, limit: float,
     dt: float, back: float = RETURN,
 ) -> None:  # fmt: skip
     """Judge a sample, dt [s] after the last one.
@@ -189,7 +189,7 @@ def forget_chatter(chatter: Chatter) -> None:
     chatter.mean_square, chatter.excess, chatter.share = 0.0, 0.0, 1.0
 
 
-def forget(guard: Guard) -> None:
+def forget(guard: GainGuard) -> None:
     """Forget all oscillations: the whole share is back."""
     element = guard.passivity
     clear_highpass(element.error)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the live bench that need no graph: a bag's samples, refusals, lease."""
+"""The parts of the live stand that need no graph: a bag's samples, refusals, lease."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from screw_module_ros.control.excitation import Excitation
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import torque_to_force
-from screw_module_ros.identification.live import bench as live
-from screw_module_ros.identification.live.bench import LiveBench
+from screw_module_ros.identification.live import stand as live
 from screw_module_ros.identification.live.samples import Recorded, SamplesLost, Window, joined
+from screw_module_ros.identification.live.stand import LiveStand
 from screw_module_ros.identification.trials import (
     Cancelled,
     MotionTrial,
@@ -269,13 +269,13 @@ class StillRobot:
         self.done.append("torque on" if on else "torque off")
 
 
-def made(simulated=True, robot=None, **fixture) -> LiveBench:
-    """Return a bench on a robot that stands still; its requests are those of the lease."""
+def made(simulated=True, robot=None, **fixture) -> LiveStand:
+    """Return a stand on a robot that stands still; its requests are those of the lease."""
     robot = robot or StillRobot()
     fixture = SimpleNamespace(simulated=simulated, **fixture)
-    bench = LiveBench(robot, robot.done.append, fixture, None, lambda text: None, [])
-    bench.__enter__()
-    return bench
+    stand = LiveStand(robot, robot.done.append, fixture, None, lambda text: None, [])
+    stand.__enter__()
+    return stand
 
 
 @pytest.mark.parametrize("where", ["_until", "hand_moves"])
@@ -288,32 +288,32 @@ def test_the_torque_goes_off_before_the_hand_comes_to_rest(error, where):
 
     robot = StillRobot()
     hand = {"hand_moves": lambda trial: None}
-    bench = made(robot=robot, **{**hand, **({where: failing} if where in hand else {})},
+    stand = made(robot=robot, **{**hand, **({where: failing} if where in hand else {})},
                  hand_rests=lambda centre: robot.done.append("hand at rest"))  # fmt: skip
-    bench._torque_on = True
+    stand._torque_on = True
     if where not in hand:
-        bench._until = failing
+        stand._until = failing
     with pytest.raises(type(error)):
-        bench._moved(MotionTrial(FORCE_FEEDBACK, VerticalSettings()), lambda share: None)
+        stand._moved(MotionTrial(FORCE_FEEDBACK, VerticalSettings()), lambda share: None)
     assert robot.done == ["torque off", "hand at rest"]
 
 
 def test_the_lease_is_renewed_in_every_wait_also_while_cancelling_is_ignored():
     robot = StillRobot()
-    bench = made(robot=robot)
-    bench._ask(Excitation(1, 0.3, 2.0, 100))
+    stand = made(robot=robot)
+    stand._ask(Excitation(1, 0.3, 2.0, 100))
     for _ in range(20):
         robot.clock.sleep(0.02)
-        with bench._unhurried("what"):
+        with stand._unhurried("what"):
             robot.watch()
     assert len(robot.done) == 5, "each 0.1 s, and at once"
     assert {request.id for request in robot.done} == {robot.done[0].id}
-    bench._ask(Excitation())
+    stand._ask(Excitation())
     assert robot.done[-1].id != robot.done[0].id and robot.done[-1].ticks == 0
 
 
 def test_what_cannot_be_restored_is_told():
-    bench = made()
-    with bench._unhurried("amplifier not disabled"):
+    stand = made()
+    with stand._unhurried("amplifier not disabled"):
         raise RobotError("amplifier did not switch off")
-    assert bench.left == ["amplifier not disabled: amplifier did not switch off"]
+    assert stand.left == ["amplifier not disabled: amplifier did not switch off"]
