@@ -375,7 +375,7 @@ def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
 
 
 @pytest.mark.parametrize(
-    ("change", "bench", "said"),
+    ("change", "stand", "said"),
     [
         ({"law_version": "of last year"}, "", "version of last year of the law"),
         ({"masses": stability.NOMINAL}, "", "run gravity and inertia"),
