@@ -3,7 +3,8 @@
 
 A weight is the number of statements, without docstrings. Whoever makes a room lighter lowers its
 figure (`python tools/ratchet.py --lower`); whoever raises one says why in the commit. The products
-are in pyproject.toml, read by `products.py`.
+are in pyproject.toml, read by `products.py`. The same holds for the tests' reads of private
+attributes, which tie the package to how it is made today.
 """
 
 from __future__ import annotations
@@ -15,7 +16,16 @@ from pathlib import Path
 
 from products import PACKAGE, product_of, table
 
+TESTS = PACKAGE.parent / "test"
+
 WEIGHTS = Path(__file__).with_name("weights.txt")
+
+PRIVATE_READS = "test:private_reads"
+"""Name of the figure of `private_reads` in `weights.txt`."""
+
+_UNITS = {PRIVATE_READS: "reads"}
+
+_PUBLIC = ("_replace", "_asdict", "_fields", "_make", "_field_defaults")  # methods of a NamedTuple
 
 
 def weights(package: Path) -> Counter[str]:
@@ -49,6 +59,22 @@ def _counts(node: ast.AST) -> bool:
     return not (text and isinstance(node.value.value, str))
 
 
+def private_reads(tests: Path) -> int:
+    """Return how often the tests below a folder use `x._name`, where x is neither self nor cls."""
+    return sum(
+        _is_private(node)
+        for file in sorted(tests.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text("utf-8"), str(file)))
+    )
+
+
+def _is_private(node: ast.AST) -> bool:
+    if not isinstance(node, ast.Attribute) or node.attr in _PUBLIC:
+        return False
+    own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+    return node.attr.startswith("_") and not node.attr.startswith("__") and not own
+
+
 def allowed(text: str) -> dict[str, int]:
     """Return the figures of `weights.txt`: a product or room, and its statements, in each line."""
     lines = [line.split() for line in text.splitlines() if line and not line.startswith("#")]
@@ -58,8 +84,8 @@ def allowed(text: str) -> dict[str, int]:
 def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
     """Return a sentence for each that is heavier than allowed, or not in the list."""
     return [
-        f"{room} weighs {weight} statements, {limits.get(room, 0)} are allowed: make it lighter, "
-        f"or raise the figure in tools/{WEIGHTS.name} and say why in the commit"
+        f"{room} weighs {weight} {_UNITS.get(room, 'statements')}, {limits.get(room, 0)} are allowed: "
+        f"make it lighter, or raise the figure in tools/{WEIGHTS.name} and say why in the commit"
         for room, weight in sorted(found.items())
         if weight > limits.get(room, 0)
     ]
@@ -68,6 +94,7 @@ def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
 def main() -> int:
     """Check the package beside this folder; `--lower` writes smaller figures. Return the code."""
     found, text = weights(PACKAGE), WEIGHTS.read_text("utf-8")
+    found[PRIVATE_READS] = private_reads(TESTS)
     limits = allowed(text)
     if "--lower" in sys.argv[1:]:
         head = [line for line in text.splitlines() if line.startswith("#")]

@@ -104,7 +104,7 @@ def test_the_contract_tells_an_import_upwards_and_none_downwards():
 def test_a_product_weighs_as_much_as_its_rooms_and_each_has_its_figure():
     found = ratchet.weights(PACKAGE)
     limits = ratchet.allowed(ratchet.WEIGHTS.read_text("utf-8"))
-    assert found.keys() == limits.keys()
+    assert {*found, ratchet.PRIVATE_READS} == limits.keys()
     rooms: Counter[str] = Counter()
     for name, weight in found.items():
         product, slash, _ = name.partition("/")
@@ -127,6 +127,16 @@ def test_the_ratchet_counts_a_file_for_its_product_and_tells_what_became_heavier
     assert [sentence.split()[0] for sentence in told] == ["robot/nodes", "therapy/nodes"]
     assert "therapy/nodes weighs 2 statements, 1 are allowed" in told[1]
     assert ratchet.too_heavy(found, dict(found)) == []
+
+
+def test_the_ratchet_counts_reads_of_private_attributes_in_tests(tmp_path):
+    """Of others: an object's own are not counted, nor what every NamedTuple offers."""
+    (tmp_path / "nodes").mkdir()
+    (tmp_path / "nodes/test_one.py").write_text(
+        "node._state = a._b()._c\nself._own\ncls._own\nself.other._deep\n"
+        "settings._replace(x=1)._asdict()\nkind.__name__\n"
+    )
+    assert ratchet.private_reads(tmp_path) == 4
 
 
 def test_a_file_in_no_product_ends_the_ratchet(tmp_path):
