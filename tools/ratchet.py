@@ -84,8 +84,9 @@ def allowed(text: str) -> dict[str, int]:
 def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
     """Return a sentence for each that is heavier than allowed, or not in the list."""
     return [
-        f"{room} weighs {weight} {_UNITS.get(room, 'statements')}, {limits.get(room, 0)} are allowed: "
-        f"make it lighter, or raise the figure in tools/{WEIGHTS.name} and say why in the commit"
+        f"{room} weighs {weight} {_UNITS.get(room, 'statements')}, {limits.get(room, 0)} are "
+        f"allowed: make it lighter, or raise the figure in tools/{WEIGHTS.name} and say why in "
+        "the commit"
         for room, weight in sorted(found.items())
         if weight > limits.get(room, 0)
     ]
