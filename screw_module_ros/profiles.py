@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from . import plugins
 from .resources import ResourceError, resource_path
 from .settings import Setting, SettingError
 from .settings_file import read_file
@@ -54,6 +55,7 @@ ALWAYS, READY, ENABLED = "always", "ready", "enabled"
 COMMAND_OBJECT, ACTUAL_OBJECT, RATING_OBJECT = "6071", "6077", "6076"
 _STATE_MACHINE_BITS = 0x008F
 _LARGEST = 0xFFFFFFFF
+_YAML = (".yaml", ".yml")
 
 
 class WrittenObject(NamedTuple):
@@ -197,11 +199,14 @@ NETCANOEM_PROTOCOL, NET_PROTOCOL = "netcanoem", "net"
 
 
 class ForceSensorProfile(NamedTuple):
-    """Protocol of the force sensor."""
+    """Protocol of the force sensor.
 
-    protocol: Annotated[
-        str, Setting("which dialogue it speaks", choices=(NETCANOEM_PROTOCOL, NET_PROTOCOL))
-    ] = NETCANOEM_PROTOCOL
+    protocol: `netcanoem`, `net`, or one whose driver another package brings
+    (`devices.force_sensors`). settings: of such a driver's own.
+    """
+
+    protocol: str = NETCANOEM_PROTOCOL
+    settings: dict[str, Any] = {}
 
 
 class ObjectTrait(NamedTuple):
@@ -300,17 +305,21 @@ def key_of(text: str) -> tuple[int, int]:
 def load(name: str, kind: str = "") -> Profile:
     """Return a packaged profile, or one of a YAML file of yours.
 
-    name: as in `NAMES`, or a path that ends with .yaml. kind: wanted, empty for any. Raises
-    SettingError naming the file, or the names that there are.
+    name: as in `NAMES`, a path that ends with .yaml, or `package:NAME` for the file NAME.yaml in
+    the folder of a package or module. kind: wanted, empty for any. Raises SettingError naming the
+    file, or the names that there are.
     """
     path = Path(name)
-    if path.suffix not in (".yaml", ".yml"):
+    package, colon, own = name.partition(":")
+    if colon and path.suffix not in _YAML:
+        path = plugins.beside(package, f"{own}.yaml")
+    elif path.suffix not in _YAML:
         try:
             path = resource_path(f"params/devices/{name}.yaml")
         except ResourceError:
             raise SettingError(
                 f"profile = {name!r}: there is no such device profile; there are "
-                f"{', '.join(NAMES)}, or the path of a .yaml file of yours"
+                f"{', '.join(NAMES)}, the path of a .yaml file of yours, or package:NAME"
             ) from None
     found = read_file(path, Profile, FORMAT)
     if kind and found.kind != kind:

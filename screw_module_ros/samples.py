@@ -33,6 +33,14 @@ FORCE_STATUS_BITS = {
 #: Those of them that make a sample unusable.
 FORCE_FAULT_BITS = (2, 3, 4, 5, 6, 7, 8, 11, 12, 14)
 FORCE_FAULT_MASK = sum(1 << bit for bit in FORCE_FAULT_BITS)
+FORCE_RESTARTED = 1 << 0
+FORCE_RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in FORCE_STATUS_BITS)
+
+
+def force_status_names(status: int) -> list[str]:
+    """Return the names of the bits set in a status word of the force sensor."""
+    bits = [bit for bit in range(16) if status >> bit & 1]
+    return [FORCE_STATUS_BITS.get(bit, f"reserved bit {bit}") for bit in bits]
 
 
 class EncoderReading(NamedTuple):

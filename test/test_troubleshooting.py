@@ -34,6 +34,7 @@ NOT_SAID = (
     r"Net F/T on CAN$|^(ATI NETCANOEM|CiA \{\}), |^(heartbeat of master|frames 0x|force sensor 0x)",
     r"^(drive|encoder) node \{\}$|^reserved bit|^vendor data|\[[\w% ]+\]$|^\{\}( N)? and \{\} Nm$",
     r"6501, it does not scale|its scaling is on$|a classical CAN frame carries|a switch of its own",
+    r"^base id 0x\{\}$|^profile \{\}: force_sensor.settings$",
     r"^(light control|operating time|battery charge|reference point)",
     r"^(counter in|heartbeat that it|identifier of|inhibit time of|life time|window for)",
     r"^(Torque without a request|Emergency stop without|Controller silent, torque held)",

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..can_io.port import Port
-from ..samples import FORCE_STATUS_BITS
 from .errors import NotAnswering, NotConfigured, WrongDevice
+from .force_base import AXES, Row
 
 READ_GAUGES = 0x0
 READ_GAUGES_SECOND = 0x1
@@ -37,17 +37,11 @@ DIAGNOSTIC = struct.Struct(">H")
 FIRMWARE = struct.Struct(">BBH")
 SERIAL_BYTES = 8
 
-AXES = 6
 SATURATED = 32767
 #: More counts per unit are a negative number or an erased memory: all forces would read as zero.
 _MOST_COUNTS = 0x7FFFFFFF
 #: Voltages that READ_DIAGNOSTIC returns [ADC counts], by their indices.
 DIAGNOSTICS = {0: "mid supply", 2: "thermistor", 3: "power", 4: "DAC", 5: "ground"}
-
-#: Bases whose sixteen identifiers do not collide with CANopen's (PDO 1 to 4, SDO, NMT and so on).
-FREE_BASES = frozenset(
-    (*range(0x01, 0x08), *range(0x11, 0x18), *range(0x68, 0x70), *range(0x78, 0x7E), 0x7F)
-)
 
 _POUND_FORCE = 4.4482216152605
 _KILOGRAM_FORCE = 9.80665
@@ -68,29 +62,6 @@ TORQUE_UNITS = {
     5: _KILOGRAM_FORCE * 0.01,
     6: 1000.0,
 }
-
-RESTARTED = 1 << 0
-RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in FORCE_STATUS_BITS)
-
-Row = tuple[float, ...]
-
-
-def status_names(status: int) -> list[str]:
-    """Return the names of the bits set in a status word."""
-    bits = [bit for bit in range(16) if status >> bit & 1]
-    return [FORCE_STATUS_BITS.get(bit, f"reserved bit {bit}") for bit in bits]
-
-
-def rotation(roll: float, pitch: float, yaw: float) -> tuple[tuple[float, float, float], ...]:
-    """Return the matrix that turns sensor axes into handle axes; fixed x, y, z angles [rad]."""
-    cr, sr = math.cos(roll), math.sin(roll)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return (
-        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        (-sp, cp * sr, cp * cr),
-    )
 
 
 class SensorIdentity(NamedTuple):
@@ -113,25 +84,15 @@ class SensorIdentity(NamedTuple):
         return f"ATI NETCANOEM, serial {self.serial or 'unknown'}, firmware {self.firmware}"
 
 
-def counts_to_wrench(
-    matrix: list[Row],
-    sensor: SensorIdentity,
-    turn: tuple[tuple[float, float, float], ...],
-    sign: int,
-) -> tuple[Row, ...]:
-    """Return the matrix that maps six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in handle axes.
+def in_units(matrix: list[Row], sensor: SensorIdentity) -> list[Row]:
+    """Return the matrix that maps six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in sensor axes.
 
-    matrix: the sensor's six rows for Fx to Tz. turn: sensor axes to handle axes.
+    matrix: the sensor's six rows for Fx to Tz, in counts.
     """
     newtons = sensor.force_unit / sensor.counts_per_force
     newton_metres = sensor.torque_unit / sensor.counts_per_torque
-    force = [[sign * newtons * x for x in row] for row in matrix[:3]]
-    torque = [[sign * newton_metres * x for x in row] for row in matrix[3:]]
-    return tuple(
-        tuple(sum(turn[axis][k] * block[k][gauge] for k in range(3)) for gauge in range(AXES))
-        for block in (force, torque)
-        for axis in range(3)
-    )
+    units = [newtons] * 3 + [newton_metres] * 3
+    return [tuple(unit * x for x in row) for unit, row in zip(units, matrix, strict=True)]
 
 
 class Dialogue:

@@ -15,6 +15,7 @@ from ..can_io.port import SYNC_ID, Port
 from ..profiles import Profile, closest
 from . import communication, emcy
 from .errors import DeviceError, NotAnswering, NotConfigured, Occupied, Refused, WrongDevice
+from .life import Life, Phase, Remedy
 from .sdo import Sdo
 from .surplus import Beats
 
@@ -29,9 +30,6 @@ _EMCY_BASE = 0x080
 _TOGGLE_BIT = 0x80
 _BOOT_S = 1.0  # time in which a device boots after a reset of its communication
 _TWO_ANSWERS = "two answers to one question (SDO)"
-UNWATCHED_NS = 2_000_000_000
-"""After this time without a reader of its bus a device may have lost what it was told [ns]."""
-
 
 class Heartbeat:
     """Heartbeat producer of this process on one bus (CiA 301, 7.2.8.3); drives of a bus share it.
@@ -80,26 +78,25 @@ class Identity(NamedTuple):
         )
 
 
-class CanopenDevice:
+class CanopenDevice(Life):
     """One remote node; a driver is a subclass with its CiA profile and the hooks at the end.
 
     settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
     device in messages, like `vertical drive`. profile: what is known of its model. counters: events
-    since the driver was created, by name. running: started, and not left since. intact: the device
-    still has its configuration, as far as its frames tell. lost: it was silent; its communication
-    is reset before it is configured again. nmt, heartbeat_ns: network state and arrival of the last
-    heartbeat. emergency: text of the last emergency, empty after its reset.
+    since the driver was created, by name. remedy: RESET of a device that was silent: of its
+    communication. nmt, heartbeat_ns: network state and arrival of the last heartbeat. emergency:
+    text of the last emergency, empty after its reset.
     set_back: what an earlier master had left in it and `configure` has set back.
     """
 
     profile_number: ClassVar[int]
 
     def __init__(self, port: Port, settings: Any, label: str, profile: Profile):
+        super().__init__(port.clock)
         self.settings = settings
         self.profile = profile
         self.label = label
         self.counters: Counter[str] = Counter()
-        self.running = self.intact = self.lost = False
         self.nmt: int | None = None
         self.heartbeat_ns: int | None = None
         self.emergency = ""
@@ -111,7 +108,6 @@ class CanopenDevice:
         self._beats = Beats()
         self._identity = Identity(0)
         self._disturbances = (0, 0)
-        self._configured_ns = 0
         port.subscribe(_HEARTBEAT_BASE + settings.node_id, self._on_heartbeat)
         port.subscribe(_EMCY_BASE + settings.node_id, self._on_emergency)
 
@@ -122,23 +118,14 @@ class CanopenDevice:
         """Identity that the device reports, for hardware_id."""
         return self._identity.text
 
-    @property
-    def configured(self) -> bool:
-        """Whether `start` may follow: configured just now, and neither restarted nor left since.
-
-        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
-        """
-        age_ns = self._port.clock.now_ns() - self._configured_ns
-        return self.intact and (self.running or age_ns <= UNWATCHED_NS)
-
     def configure(self) -> None:
         """Find the device and configure it as the settings say; blocking, without NMT start.
 
-        One that was lost, or does not answer, is told first to reset its communication. A bus that
-        has failed is opened anew. Raises Occupied, NotAnswering, WrongDevice, Refused,
+        One that was silent, or does not answer, is told first to reset its communication. A bus
+        that has failed is opened anew. Raises Occupied, NotAnswering, WrongDevice, Refused,
         NotConfigured, BusError.
         """
-        self.running = self.intact = False
+        self.become_new()
         self.set_back = []
         self._port.restore()
         self.refuse_others()
@@ -157,12 +144,11 @@ class CanopenDevice:
             if self.sdo.doubled:  # which of them refused, or what, nobody can say
                 raise WrongDevice(self._twins(_TWO_ANSWERS)) from error
             raise
-        self._configured_ns = self._port.clock.now_ns()
-        self.intact = True  # before the check, so that nothing is missed between the two
+        self.become_configured()  # before the check, so that nothing is missed between the two
         try:
             self._check_undisturbed()
         except DeviceError:
-            self.intact = False
+            self.become_new()
             raise
         self.adopt(found)
 
@@ -181,19 +167,17 @@ class CanopenDevice:
 
         Raises NotConfigured before `configure` and after `stop`, BusError.
         """
-        if not self.intact:
+        if self.phase is Phase.NEW:
             raise NotConfigured(f"the {self.label} is not configured")
         self.prepare_start()
         self.command_nmt(NMT_START)
         self.sdo.count_anew()
         self._beats = Beats()  # before the loop's thread may arm it
-        self.running = True
-        if not self.intact:  # it has restarted at just that
-            self.running = False
+        self.become_running()
 
     def stop(self) -> None:
         """Send nothing more. The configuration counts as gone: nobody watches any more."""
-        self.running = self.intact = False
+        self.become_new()
 
     def command_nmt(self, command: int) -> None:
         """Send an NMT command to this node, and to no other. Raises BusError."""
@@ -218,7 +202,7 @@ class CanopenDevice:
             )
 
     def _find(self) -> None:
-        if self.lost:
+        if self.remedy is Remedy.RESET:
             self._restart_communication()
         self.command_nmt(NMT_PRE_OPERATIONAL)
         try:
@@ -231,7 +215,7 @@ class CanopenDevice:
                 ) from error
             self.command_nmt(NMT_PRE_OPERATIONAL)
             self._identify()
-        self.lost = False
+        self.remedy = Remedy.NOTHING
 
     def _restart_communication(self) -> bool:
         """Tell the device to reset its communication; return whether it has booted up."""
@@ -241,7 +225,7 @@ class CanopenDevice:
 
     def check_answers(self) -> None:
         """Latch that most of our questions of late had two answers."""
-        if self.running and self.sdo.doubled:
+        if self.phase is Phase.RUNNING and self.sdo.doubled:
             self.sdo.count_anew()
             self.doubled(_TWO_ANSWERS)
 
@@ -310,13 +294,13 @@ class CanopenDevice:
             return
         self.nmt = PRE_OPERATIONAL
         self.counters["boot_ups"] += 1
-        if self.intact:
-            self.running = self.intact = False
+        if self.phase is not Phase.NEW:
+            self.become_new()
             self.restarted()
 
     def _on_foreign_request(self) -> None:
         self.counters["foreign_sdo"] += 1
-        if self.intact:
+        if self.phase is not Phase.NEW:
             self.altered_by(self.sdo.foreign_client)
 
     def _on_emergency(self, data: bytes, _arrival_ns: int) -> None:

@@ -24,6 +24,7 @@ from .drive_logic import ExcessTorque
 from .drive_reports import DriveReports
 from .drive_settings import DriveSettings, adapted, cross_checked, waived_guards
 from .errors import BusError, DeviceError, NotNow
+from .life import Phase, Remedy
 
 _MODE_EVERY = 16
 """Writes between two looks at how old the drive's mode is."""
@@ -42,8 +43,8 @@ class Drive(DriveReports):
     drive_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].
-    altered: it may have lost its configuration: another SDO client talked to it, or it was silent
-    for long enough to restart unheard. `clear_fault` configures it again.
+    remedy: of a drive that may have lost its configuration: another SDO client talked to it, or it
+    was silent for long enough to restart unheard.
     """
 
     profile_number = setup.PROFILE
@@ -62,7 +63,6 @@ class Drive(DriveReports):
         self.warnings: list[str] = []
         self.unguarded: tuple[MissingGuard, ...] = ()
         self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
-        self.altered = False
         self._excess = ExcessTorque(
             settings.excess_torque * settings.rated_torque,
             settings.lasting_torque * settings.rated_torque,
@@ -145,7 +145,7 @@ class Drive(DriveReports):
     @property
     def _armed(self) -> bool:
         """Whether the drive monitors our commands and our heartbeat."""
-        return self.running and self._was_armed
+        return self.phase is Phase.RUNNING and self._was_armed
 
     def sync(self, now_ns: int) -> None:
         """Send SYNC where this process produces it. now_ns: CLOCK_MONOTONIC. Raises BusError."""
@@ -154,7 +154,7 @@ class Drive(DriveReports):
 
     def heartbeat(self, now_ns: int) -> None:
         """Send our heartbeat when due. now_ns: CLOCK_MONOTONIC [ns]. Raises BusError."""
-        if self.running and self._was_armed:  # as `_armed`, without its call
+        if self.phase is Phase.RUNNING and self._was_armed:  # as `_armed`, without its call
             self.beat.beat(now_ns)
 
     def is_on(self, now_ns: int) -> bool:
@@ -167,7 +167,7 @@ class Drive(DriveReports):
         torque_nm: on the motor shaft, with the robot's sign. now_ns: CLOCK_MONOTONIC [ns]. The
         first command after `start` carries no torque: it arms the guards. Raises BusError.
         """
-        if not self.running:
+        if self.phase is not Phase.RUNNING:
             return 0.0
         if not self._was_armed:
             return self._arm(now_ns)
@@ -226,7 +226,7 @@ class Drive(DriveReports):
         last_ns = max(self._started_ns, given.monotonic_ns if given else 0)
         if now_ns - last_ns <= _UNHEARD_NS:
             return
-        self.altered = self.lost = True
+        self.need(Remedy.RESET)
         self.logic.explain(self.emergency)
         self.logic.latch(
             f"the {self.label} was silent and may have restarted" if given else
@@ -353,31 +353,30 @@ class Drive(DriveReports):
     def clear_fault(self) -> None:
         """Begin to recover; `recovering` is True until the drive is back, at most switched on.
 
-        After a boot-up, and if it is `altered` or was `lost`, this configures the drive again,
-        which blocks and raises as `configure`. A bus that has failed is opened anew.
+        After a boot-up, and if it needs a `remedy`, this configures the drive again, which blocks
+        and raises as `configure`. A bus that has failed is opened anew.
         """
         self._port.restore()
         logic = self.logic
-        self.lost = self.lost or logic.lost
-        again = not self.intact or self.altered or self.lost
-        if again:
-            self.altered = False  # a client that continues meanwhile sets it again
+        if logic.lost:
+            self.need(Remedy.RESET)
+        if self.unsound:
             self.forget_errors()  # what it reports from here on explains a fault that follows
             try:
                 self.configure()
                 self.start()
             except DeviceError:
-                self.altered = True
+                self.need(Remedy.CONFIGURE)
                 raise
             logic.forget()
             logic.explain(self.emergency)
             logic.recover()
-        elif self.running:
+        elif self.phase is Phase.RUNNING:
             self.forget_errors()
             logic.recover()
         else:
             logic.forget()
-        if self.altered or not self.intact:  # what came meanwhile is no fault of before
+        if self.unsound:  # what came meanwhile is no fault of before
             logic.latch(
                 f"the {self.label} restarted, was silent, or another SDO client talked to it, "
                 "while its fault was being cleared: clear it again"
@@ -409,7 +408,7 @@ class Drive(DriveReports):
 
     def altered_by(self, client: str) -> None:
         """Stop: another client may have changed the configuration, also guards and limits."""
-        self.altered = True
+        self.need(Remedy.CONFIGURE)
         self.logic.intruded(
             f"{client} talks to the {self.label} and may have changed what it was told: stop it, "
             "then clear the fault, which configures the drive anew"

@@ -22,6 +22,7 @@ from .canopen import NMT_PRE_OPERATIONAL
 from .cia402 import State
 from .drive import Drive
 from .errors import BusError, DeviceError
+from .life import Phase
 
 _DISABLE_WITHIN_NS = 500_000_000
 _PERIOD_NS = 1_000_000
@@ -42,7 +43,7 @@ def start(drives: Sequence[Drive]) -> list[Drive]:
 
 def leave(drives: Sequence[Drive], port: Port) -> str:
     """Take the drives of one bus out of operation; return the errors, empty without any."""
-    running = [drive for drive in drives if drive.running]
+    running = [drive for drive in drives if drive.phase is Phase.RUNNING]
     if not running:
         return ""
     for drive in running:

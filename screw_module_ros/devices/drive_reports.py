@@ -15,6 +15,7 @@ from .cia402 import State
 from .drive_logic import DriveLogic
 from .drive_settings import BRAKE, DriveSettings
 from .emcy import Emergency, code_name
+from .life import Phase
 from .motion import FULL_RANGE, Unwrapper
 from .reported import Reported
 from .surplus import Surplus
@@ -228,11 +229,11 @@ class DriveReports(CanopenDevice):
 
     def poll_due(self, now_ns: int) -> bool:
         """Return whether `poll_slow` has something to ask for."""
-        return self.running and bool(self._reported.due(now_ns, _ASKED_AFTER_NS))
+        return self.phase is Phase.RUNNING and bool(self._reported.due(now_ns, _ASKED_AFTER_NS))
 
     def poll_slow(self) -> None:
         """Read what TPDO2 does not bring, or brings no more; blocking, not for the loop."""
-        if not self.running:
+        if self.phase is not Phase.RUNNING:
             return
         if not self._reported.ask(self.sdo, self._port.clock.now_ns(), _ASKED_AFTER_NS):
             self.counters["slow_polls_failed"] += 1

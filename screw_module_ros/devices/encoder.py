@@ -22,6 +22,7 @@ from .doubt import HOMING, Doubt
 from .emcy import Emergency
 from .encoder_setup import EncoderSettings
 from .errors import BusError, DeviceError, NotNow
+from .life import Phase, Remedy
 from .motion import FULL_RANGE, Motion, Unwrapper
 from .polled import FRESH, UNEXPECTED, WRONG_LENGTH, Polled
 from .reported import Reported
@@ -96,7 +97,8 @@ class Encoder(CanopenDevice):
     @property
     def silent(self) -> bool:
         """Whether its newest position, or its start, is too long ago for homing."""
-        return self.running and self._silent_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns)
+        longest_ns = max(_HOME_WITHIN_NS, 10 * self._period_ns)
+        return self.phase is Phase.RUNNING and self._silent_ns > longest_ns
 
     @property
     def _silent_ns(self) -> int:
@@ -161,8 +163,8 @@ class Encoder(CanopenDevice):
         silent = self.silent
         if silent:
             self._latch("the encoder does not answer")
-            self.lost = True
-        stopped = silent or not self.running
+            self.need(Remedy.RESET)
+        stopped = silent or self.phase is not Phase.RUNNING
         if stopped:
             self.configure()
         self._foreign_sync = self._port.counters["foreign_sync"]
@@ -182,7 +184,7 @@ class Encoder(CanopenDevice):
 
         sequence: tick number. monotonic_ns, stamp_ns: now, on both clocks [ns]. Raises BusError.
         """
-        if not self.running:
+        if self.phase is not Phase.RUNNING:
             return
         if not self._port.sync_producer:
             self._stamp_offset_ns = stamp_ns - monotonic_ns
@@ -201,13 +203,13 @@ class Encoder(CanopenDevice):
         return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
-        if self.running:
+        if self.phase is Phase.RUNNING:
             sequence = arrival_ns // self._period_ns & SEQUENCE_MASK
             self._poll.begin_unasked(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
 
     def _on_position(self, data: bytes, _arrival_ns: int) -> None:
         well_formed = len(data) >= _POSITION.size  # the mapped bytes come first (CiA 301)
-        if not self.running:
+        if self.phase is not Phase.RUNNING:
             self.counters[UNEXPECTED if well_formed else WRONG_LENGTH] += 1
             return
         if self._poll.note(well_formed) != FRESH:
@@ -243,7 +245,7 @@ class Encoder(CanopenDevice):
         time also when it contradicts the last homing since `configure`: see `Doubt`.
         """
         last, settings = self._last, self.settings
-        if self.fault or last is None or not self.running:
+        if self.fault or last is None or self.phase is not Phase.RUNNING:
             raise NotNow(f"no position to home at: {self.fault or 'no sample yet'}")
         if self.silent:
             raise NotNow(
@@ -277,7 +279,8 @@ class Encoder(CanopenDevice):
         if alarms := reported.value(setup.ALARM):
             self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
         age_ns = reported.age_ns(setup.ALARM, now_ns)
-        if self.running and reported.has(setup.ALARM) and age_ns > _ALARMS_UNKNOWN_NS:
+        unknown = reported.has(setup.ALARM) and age_ns > _ALARMS_UNKNOWN_NS
+        if self.phase is Phase.RUNNING and unknown:
             self._latch(
                 f"the encoder does not say whether it has an alarm: 6503 was last heard "
                 f"{age_ns * 1e-9:.0f} s ago"
@@ -304,14 +307,14 @@ class Encoder(CanopenDevice):
         self._lose_configuration(self._twins(shown))
 
     def _lose_configuration(self, why: str) -> None:
-        self.intact = self.running = False
+        self.become_new()
         self._motion.restart()
         self._doubt.forget()
         self.fault = why
 
     def reported(self, emergency: Emergency) -> None:
         """Latch an emergency in operation."""
-        if self.running:
+        if self.phase is Phase.RUNNING:
             self._latch(f"encoder emergency {emergency.text}")
 
     def _latch(self, reason: str) -> None:

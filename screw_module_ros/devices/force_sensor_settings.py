@@ -7,7 +7,11 @@ from typing import Annotated, NamedTuple
 
 from ..profiles import NETCANOEM
 from ..settings import Setting
-from . import ati
+
+#: Bases whose sixteen identifiers do not collide with CANopen's (PDO 1 to 4, SDO, NMT and so on).
+FREE_BASES = frozenset(
+    (*range(0x01, 0x08), *range(0x11, 0x18), *range(0x68, 0x70), *range(0x78, 0x7E), 0x7F)
+)
 
 ANY_CALIBRATION = -1
 
@@ -20,7 +24,7 @@ class ForceSensorSettings(NamedTuple):
     """The transducer: its identifiers, its mounting, the conditions for taring."""
 
     base_id: Annotated[
-        int, Setting("high seven bits of its identifiers", choices=tuple(sorted(ati.FREE_BASES)))
+        int, Setting("high seven bits of its identifiers", choices=tuple(sorted(FREE_BASES)))
     ] = 0x12
     profile: Annotated[
         str, Setting("make of the sensor: a file of params/devices, or the path of one of yours")

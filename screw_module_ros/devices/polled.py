@@ -5,14 +5,40 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
-from ..can_io.port import Port
+from ..clock import Clock
 from .surplus import Surplus
 
 Sample = TypeVar("Sample")
 #: Verdicts on a frame; all but FRESH are also names of counters.
 FRESH, LATE, UNEXPECTED, WRONG_LENGTH = "fresh", "late", "unexpected", "wrong_length"
+
+
+class Line(Protocol):
+    """What a device is reached by: a CAN bus (`can_io.port.Port`), or something else.
+
+    name: for messages. counters: for the diagnostics. failed: it takes nothing any more until
+    `restore`; bus_off: of a CAN bus.
+    """
+
+    name: str
+    clock: Clock
+    counters: Counter[str]
+    failed: bool
+    bus_off: bool
+
+    def pump(self, until_ns: int = 0) -> int:
+        """Wait at most until `until_ns` [ns] for an answer, then process all that wait.
+
+        Returns their number; 0 = no wait. Raises BusError.
+        """
+
+    def restore(self) -> None:
+        """Open it anew if it has failed. Raises BusError."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class RequestTracker:
@@ -88,7 +114,7 @@ class Polled(Generic[Sample]):
     )  # fmt: skip
 
     def __init__(
-        self, port: Port, counters: Counter[str], doubled: Callable[[], object], parts: int = 1
+        self, port: Line, counters: Counter[str], doubled: Callable[[], object], parts: int = 1
     ):
         self._port = port
         self._counters = counters

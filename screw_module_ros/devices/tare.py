@@ -7,8 +7,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from ..samples import FORCE_FAULT_MASK, ForceReading
-from .ati import status_names
+from ..samples import FORCE_FAULT_MASK, ForceReading, force_status_names
 from .errors import NotNow
 from .force_sensor_settings import ForceSensorSettings
 
@@ -26,7 +25,7 @@ def mean_wrench(readings: Sequence[ForceReading], settings: ForceSensorSettings)
         raise NotNow(f"{len(readings)} force samples; {settings.tare_samples} are needed to tare")
     for reading in readings:
         if reading.status & FORCE_FAULT_MASK:
-            raise NotNow(f"the sensor reports {', '.join(status_names(reading.status))}")
+            raise NotNow(f"the sensor reports {', '.join(force_status_names(reading.status))}")
     columns = list(zip(*(reading[_WRENCH] for reading in readings), strict=True))
     mean = [statistics.fmean(column) for column in columns]
     load = math.hypot(*mean[:3])

@@ -28,6 +28,7 @@ from ..devices.encoder import Encoder
 from ..devices.encoder_setup import EncoderSettings
 from ..devices.force_sensor_settings import ForceSensorSettings
 from ..devices.makes import node_parameters
+from ..devices.polled import Line
 from ..geometry import Screw
 from ..locks import AlreadyRunning, lock_device
 from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, load
@@ -94,17 +95,17 @@ class DeviceSet:
         self._locked: set[tuple[str, str]] = set()
         self._values, self._nodes, self._clock, self._stack = values, nodes, clock, stack
         self._namespace = namespace
-        self._add("encoder", lambda port, v: Encoder(
-            port, settings(EncoderSettings, v), settings(Screw, v),
+        self._add("encoder", lambda opened, v: Encoder(
+            opened(), settings(EncoderSettings, v), settings(Screw, v),
             load(v.get("profile", GENERIC_406), ENCODER)))
-        self._add("force_sensor", lambda port, v: force_sensors.driver(
-            port, settings(ForceSensorSettings, v)))
-        self._add("amplifier", lambda port, v: Drive(
-            port, settings(DriveSettings, v), "vertical drive",
+        self._add("force_sensor", lambda opened, v: force_sensors.driver(
+            settings(ForceSensorSettings, v), opened, clock))
+        self._add("amplifier", lambda opened, v: Drive(
+            opened(), settings(DriveSettings, v), "vertical drive",
             per_turn=settings(Screw, v).lead, profile=load(v.get("profile", GENERIC_402), DRIVE)))
         for joint, own in JOINTS.items():
-            self._add("manus", lambda port, v, joint=joint, own=own: Drive(
-                port, settings(DriveSettings, v, f"{joint}.", **own._asdict() | _shared(v)),
+            self._add("manus", lambda opened, v, joint=joint, own=own: Drive(
+                opened(), settings(DriveSettings, v, f"{joint}.", **own._asdict() | _shared(v)),
                 f"{joint} drive", profile=load(v.get("profile", GENERIC_402), DRIVE)), joint)
 
     def _add(self, node: str, make: Any, name: str = "") -> None:
@@ -113,13 +114,25 @@ class DeviceSet:
         values = self._values[node]
         bus = settings(BusSettings, values, "can.", channel=graph.bus_of(node))
         bus = within(bus._replace(sync_producer=True), self._namespace)
-        if bus not in self.buses and not self._open(bus):
+        claimed: list[str] = []
+
+        def opened(*claims: str) -> Port:
+            claimed.extend(claims)
+            return self._open(bus)
+
+        try:
+            device = make(opened, values)
+        except BusError as error:
+            self.findings.append(Finding(f"bus {bus.channel}", str(error), "open", "as it says"))
             return
-        device = make(self.buses[bus].port, values)
+        self.devices[name or node] = device
+        line = getattr(device, "port", None)
+        if line is not None and line is not getattr(self.buses.get(bus), "port", None):
+            self._stack.callback(line.close)  # a sensor that is not on CAN
+            return
         held = self.buses[bus]
         self.buses[bus] = held._replace(devices=(*held.devices, device))
-        self.devices[name or node] = device
-        self._lock(bus, device.settings.claims)
+        self._lock(bus, tuple(claimed) or device.settings.claims)
 
     def _lock(self, bus: BusSettings, claims: tuple[str, ...]) -> None:
         for claim in claims:
@@ -131,21 +144,19 @@ class DeviceSet:
             except AlreadyRunning:
                 self.driven.setdefault(bus.channel, f"a node drives {claim}")
 
-    def _open(self, bus: BusSettings) -> bool:
+    def _open(self, bus: BusSettings) -> Port:
+        if bus in self.buses:
+            return self.buses[bus].port
         if not any(each.what == bus.channel for each in self.findings):
             self.findings += machine.interface(bus)
-        try:
-            port = open_port(bus, self._clock)
-        except BusError as error:
-            self.findings.append(Finding(f"bus {bus.channel}", str(error), "open", "as it says"))
-            return False
+        port = open_port(bus, self._clock)
         self._stack.callback(port.close)
         self.buses[bus] = Bus(bus.channel, port, bus.bitrate, ())
-        return True
+        return port
 
-    def bus_of(self, device: Any) -> Bus:
-        """Return the bus of a device."""
-        return next(bus for bus in self.buses.values() if device in bus.devices)
+    def port_of(self, device: Any) -> Port | None:
+        """Return the port of a device's bus, None for one that is not on CAN."""
+        return next((b.port for b in self.buses.values() if device in b.devices), None)
 
 
 def check(
@@ -168,19 +179,21 @@ def check(
                 findings.append(Finding(f"bus {bus.name}", str(error), "works", "as it says"))
         there = {}
         for name, device in found.devices.items():
-            if device not in free:
+            if device not in free and found.port_of(device) is not None:
                 continue
             told = devices.configured(device, name)
             findings += told
             if told[0].todo == "":
                 there[name] = device
                 if isinstance(device, CanopenDevice):
-                    findings.append(_answer(device, name, found.bus_of(device).port))
+                    findings.append(_answer(device, name, found.port_of(device)))
         if move and {"encoder", "amplifier"} <= there.keys():
             tell(f"Move the handle UP by about 5 cm and back, for {move:g} s.")
             findings += devices.directions(there["encoder"], there["amplifier"], clock, move)
-        parts: dict[str, tuple[Any, Port]] = {name: (there[name], found.bus_of(there[name]).port)
-                 for name in ("encoder", "force_sensor") if name in there}  # fmt: skip
+        parts: dict[str, tuple[Any, Line]] = {
+            name: (there[name], found.port_of(there[name]) or there[name].port)
+            for name in ("encoder", "force_sensor") if name in there
+        }  # fmt: skip
         if seconds and parts:
             tell(f"Let go of the handle: {seconds:g} s of samples.")
             period_ns = round(1e9 / next(iter(parts.values()))[0].settings.rate)
@@ -202,7 +215,7 @@ def _looked_at(bus: Bus, driven: str, free: list[Any]) -> list[Finding]:
     return [*findings, ids]
 
 
-def _answer(device: CanopenDevice, name: str, port: Port) -> Finding:
+def _answer(device: CanopenDevice, name: str, port: Any) -> Finding:
     try:
         return exchange.answer_to_sync(device, name, port)
     except BusError as error:

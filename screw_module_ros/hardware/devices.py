@@ -19,7 +19,7 @@ from ..devices.canopen import OPERATIONAL, CanopenDevice
 from ..devices.drive import Drive
 from ..devices.encoder import Encoder
 from ..devices.errors import DeviceError, NotAnswering, Occupied
-from ..devices.force_sensor import ForceSensor
+from ..devices.polled import Line
 from ..loop.sensor import PolledSensor
 from ..loop.vertical import Roles, VerticalLoop, Wires
 from ..safety.timing import quantile
@@ -260,7 +260,7 @@ def _signed(count: int) -> int:
 
 
 def sampled(
-    parts: dict[str, tuple[Any, Port]], clock: Clock, period_ns: int, seconds: float
+    parts: dict[str, tuple[Any, Line]], clock: Clock, period_ns: int, seconds: float
 ) -> list[Finding]:
     """Poll encoder and force sensor for a while: noise, latency, lost answers.
 
@@ -280,7 +280,7 @@ def sampled(
         found += _answers(name, device, polled[name], period_ns)
         device.stop()
     if "force_sensor" in parts:
-        found += _force(parts["force_sensor"][0], forces)
+        found += _force(forces)
     return found
 
 
@@ -302,7 +302,7 @@ def _answers(name: str, device: Any, polled: PolledSensor, period_ns: int) -> li
     ]  # fmt: skip
 
 
-def _force(sensor: ForceSensor, forces: list[tuple[float, float, float]]) -> list[Finding]:
+def _force(forces: list[tuple[float, float, float]]) -> list[Finding]:
     if len(forces) < 2:
         return [Finding("force sensor noise", "no samples", "samples", "see its lines above")]
     noise = max(statistics.pstdev(axis) for axis in zip(*forces, strict=True))

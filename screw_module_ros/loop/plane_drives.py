@@ -16,6 +16,7 @@ from ..devices import drive_group
 from ..devices.drive import Drive
 from ..devices.drive_settings import DriveSettings
 from ..devices.errors import BusError
+from ..devices.life import Phase
 from ..safety.permit import Permit, PermitSettings
 
 
@@ -102,7 +103,7 @@ class PlaneDrives:
     @property
     def count_anew(self) -> bool:
         """Whether a drive may count from elsewhere after its recovery."""
-        return any(not drive.running or drive.altered for drive in self.pair)
+        return any(each.unsound or each.phase is not Phase.RUNNING for each in self.pair)
 
     def write(self, wanted: tuple[float, float], command_ns: int, now_ns: int) -> None:
         """Write both torques [Nm] as the gate lets them pass, the second also if the first fails.

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
-from ..can_io.port import Port
 from ..clock import Clock
 from ..devices.errors import DeviceError
 from ..safety.timing import empty_histogram, note_latency
 from ..samples import EncoderReading, ForceReading
 from .ticker import Tick
+
+if TYPE_CHECKING:  # each process with a loop would load it
+    from ..devices.polled import Line
 
 Reading = TypeVar("Reading", bound=EncoderReading | ForceReading, covariant=True)
 
@@ -32,7 +34,7 @@ class PolledSensor(Generic[Reading]):
     skipped.
     """
 
-    def __init__(self, device: PolledDevice[Reading], port: Port, clock: Clock):
+    def __init__(self, device: PolledDevice[Reading], port: Line, clock: Clock):
         self.answers = empty_histogram()
         self.skipped = 0
         self._device, self._port, self._clock = device, port, clock

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick."""
+"""`force_sensor`: the six-axis sensor at the handle, polled on the tick."""
 
 from __future__ import annotations
 
@@ -56,8 +56,9 @@ class ForceSensorNode(SensorNode):
     def connect(self) -> None:
         """Find the sensor and read its calibration."""
         settings = self.parameters.read(ForceSensorSettings)
-        port = self.open_port(*settings.claims)
-        self.add_device(force_sensors.driver(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
+        device = force_sensors.driver(settings, self.open_port, self.clock)
+        self.take_line(device.port)
+        self.add_device(device, graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._watched = round(_WATCHED_S * settings.rate / self._wrench_every)
@@ -129,8 +130,7 @@ class ForceSensorNode(SensorNode):
     def health(self) -> Health:
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
         device = self.device
-        voltages = {f"{name} [ADC counts]": n for name, n in device.voltages.items()}
-        shown = {"bias": _bias_text(device.bias), _ZERO_ERROR: self._zero_error(), **voltages}
+        shown = {"bias": _bias_text(device.bias), _ZERO_ERROR: self._zero_error(), **device.shown}
         health = self.sensor_health(shown)
         if health.level == OK and not device.tared:
             # Force feedback would press with a multiple of it.

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
+from screw_module_ros import plugins
 from screw_module_ros.profiles import (
     DRIVE,
     ENCODER,
@@ -18,6 +19,7 @@ from screw_module_ros.profiles import (
     Profile,
     load,
 )
+from screw_module_ros.rig.device import SimulatedDevice
 from screw_module_ros.rig.drive import DriveRating, SimulatedDrive
 from screw_module_ros.rig.encoder import SimulatedEncoder
 from screw_module_ros.rig.force_sensor import SimulatedForceSensor
@@ -25,7 +27,7 @@ from screw_module_ros.rig.link import Link
 from screw_module_ros.rig.net_sensor import SimulatedNetSensor
 from screw_module_ros.rig.physics import Axis, Physics, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.port import RigPort
-from screw_module_ros.settings import Setting
+from screw_module_ros.settings import Setting, SettingError
 
 BUSES = ("encoder", "drive", "force_sensor", "planar")
 
@@ -35,8 +37,9 @@ _PLANAR_COUNTS_PER_TURN = 65_536
 
 SENSORS = {NETCANOEM_PROTOCOL: SimulatedForceSensor, NET_PROTOCOL: SimulatedNetSensor}
 """The simulated force sensors, by protocol."""
-
-Device = SimulatedEncoder | SimulatedDrive | SimulatedForceSensor
+SENSOR_GROUP = "screw_module_ros.rig_sensors"
+"""Entry points that name simulated force sensors of other packages, by protocol: functions of
+`Link`, `Physics` and `Profile`."""
 
 
 class RigSettings(NamedTuple):
@@ -79,7 +82,7 @@ class RigSettings(NamedTuple):
 
 def build_devices(
     settings: RigSettings, ports: dict[str, RigPort], physics: Physics
-) -> Iterator[Device]:
+) -> Iterator[SimulatedDevice]:
     """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in.
 
     Raises SettingError for a profile that does not exist.
@@ -94,13 +97,26 @@ def build_devices(
         yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics, profile)
     if "force_sensor" in ports:
         link = Link(ports["force_sensor"], "force_sensor")
-        protocol = load(settings.sensor_profile, FORCE_SENSOR).force_sensor.protocol
-        yield SENSORS[protocol](link, settings.sensor_base, physics)
+        yield _sensor(link, settings, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
             joint, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
             yield _drive(name, ports["planar"], rating, joint, physics, profile)
+
+
+def _sensor(link: Link, settings: RigSettings, physics: Physics) -> SimulatedDevice:
+    profile = load(settings.sensor_profile, FORCE_SENSOR)
+    protocol = profile.force_sensor.protocol
+    if own := SENSORS.get(protocol):
+        return own(link, settings.sensor_base, physics)
+    made = plugins.load(protocol, SENSOR_GROUP, "simulated force sensor")(link, physics, profile)
+    if not isinstance(made, SimulatedDevice):
+        raise SettingError(
+            f"simulated force sensor {protocol}: {made!r} is no "
+            "screw_module_ros.rig.device.SimulatedDevice"
+        )
+    return made
 
 
 def vertical_rating(settings: RigSettings) -> DriveRating:

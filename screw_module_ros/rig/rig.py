@@ -20,8 +20,8 @@ import can
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.plant.world import World
-from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
-from screw_module_ros.rig.device import CLEAR
+from screw_module_ros.rig.build import BUSES, RigSettings, build_devices
+from screw_module_ros.rig.device import CLEAR, SimulatedDevice
 from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import catalogue
 from screw_module_ros.rig.physics import RELEASED, Physics
@@ -96,7 +96,7 @@ class Rig:
         self._ports = {name: by_bus[id(bus)] for name, bus in buses.items()}
         self._distinct = list(by_bus.values())
         #: name -> device: encoder, drive, force_sensor, shoulder, elbow
-        self.devices: dict[str, Device] = {
+        self.devices: dict[str, SimulatedDevice] = {
             device.name: device for device in build_devices(settings, self._ports, self.physics)
         }
         for port in self._distinct:
@@ -276,7 +276,7 @@ class Rig:
             named[_PLANE] = self._ports[_PLANE]
         return named
 
-    def _chosen(self, name: str) -> list[Device]:
+    def _chosen(self, name: str) -> list[SimulatedDevice]:
         """Return the devices for a name. Raises ValueError for an unknown one."""
         if name == ALL:
             return list(self.devices.values())

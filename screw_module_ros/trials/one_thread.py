@@ -33,7 +33,7 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import NotNow
-from screw_module_ros.devices.force_sensor import ForceSensor
+from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop import gate
@@ -232,7 +232,9 @@ class OneThreadRobot:
         self.encoder = Encoder(self.ports["encoder"], counting, profile=counter)
         needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
         chosen = ForceSensorSettings(profile=sensor_profile, **needed)
-        self.force_sensor = force_sensors.driver(self.ports["force_sensor"], chosen)
+        self.force_sensor = force_sensors.driver(
+            chosen, lambda *_claims: self.ports["force_sensor"], self.clock
+        )
         drive = (drive or DriveSettings())._replace(**profile.simulated.parameters)
         self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, profile=profile)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
@@ -284,7 +286,7 @@ class OneThreadRobot:
         clock, ports = self.clock, self.ports
         self.roles = Roles(
             PolledSensor(self.encoder, ports["encoder"], clock),
-            PolledSensor(self.force_sensor, ports["force_sensor"], clock),
+            PolledSensor(self.force_sensor, self.force_sensor.port, clock),
             self.controller,
             self.axis,
         )

@@ -17,8 +17,8 @@ from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.drive_setup import drive_traffic
 from screw_module_ros.devices.encoder_setup import EncoderSettings, encoder_traffic
-from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 
 
 @pytest.mark.parametrize(("data_bytes", "bits"), [(0, 55), (1, 65), (4, 95), (6, 115), (8, 135)])
@@ -36,7 +36,7 @@ def per_tick(traffic: list[Traffic], rate: float = 1000.0) -> float:
     return bits_per_second(each for each in traffic if each.rate == rate) / rate
 
 
-def _all_three(wire: Wire, rate: float, sensor: type = ForceSensor) -> list[Traffic]:
+def _all_three(wire: Wire, rate: float, sensor: type = NetcanoemSensor) -> list[Traffic]:
     return [
         *encoder_traffic(EncoderSettings(rate=rate)),
         *drive_traffic(DriveSettings(rate=rate), sync_producer=False),

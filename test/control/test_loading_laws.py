@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
+from screw_module_ros import plugins
 from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control import laws
 from screw_module_ros.control.envelope import enveloped, initial_state
@@ -40,7 +41,7 @@ def path(name: str) -> str:
 def test_a_law_is_found_by_module_and_name_and_by_entry_point(monkeypatch):
     assert laws.load(path("MINE")) is MINE
     point = metadata.EntryPoint("floor", path("MINE"), laws.GROUP)
-    monkeypatch.setattr(laws, "entry_points", lambda group: [point])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
     assert laws.load("floor") is MINE
 
 

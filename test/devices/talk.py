@@ -19,8 +19,8 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 
 
 class Kind(NamedTuple):
@@ -39,7 +39,7 @@ BOX = SENSOR._replace(counts_per_force=200.0, counts_per_torque=5000.0)
 KINDS = {
     "drive": Kind(ScriptedDrive, Drive, DRIVE, {"label": "vertical drive"}),
     "encoder": Kind(ScriptedEncoder, Encoder, ENCODER, {}),
-    "sensor": Kind(ScriptedSensor, ForceSensor, SENSOR, {}),
+    "sensor": Kind(ScriptedSensor, NetcanoemSensor, SENSOR, {}),
     "box": Kind(ScriptedBox, NetForceSensor, BOX, {}),
 }
 
@@ -69,8 +69,8 @@ class Talk:
         kind = KINDS[name]
         given = values_of(settings)
         own = {name: given.pop(name) for name in set(given) - set(kind.settings._fields)}
-        if "profile" in own:
-            own["profile"] = profiles.load(own["profile"])
+        if "profile" in given:  # the driver gets its name and what is in it, as in its node
+            own["profile"] = profiles.load(given["profile"])
         self.wire = wire
         wire.port.sync_producer = own.pop("sync_producer", True)
         self.device = wire.attach(kind.end(wire))

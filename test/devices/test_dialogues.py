@@ -28,7 +28,7 @@ CYCLIC = {"080", "201", "770"}
 
 # What a driver shows. Sentences are not kept, only whether there are any.
 SHOWN = (
-    "running", "intact", "altered", "homed", "silent", "configured", "mode", "step", "torque_of",
+    "phase", "remedy", "homed", "silent", "configured", "mode", "step", "torque_of",
     "shown", "error_code", "mode_display", "digital_inputs", "operating_status", "nmt", "enabling",
     "identity", "tared", "rate", "counts_per_newton",
 )  # fmt: skip

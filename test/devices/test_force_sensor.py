@@ -12,9 +12,13 @@ from hypothesis import strategies as st
 from scripted import Wire
 from talk import SENSOR, Talk, converse
 
-from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import NotNow
-from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
+from screw_module_ros.devices.force_base import mounted, rotation
+from screw_module_ros.devices.force_sensor_settings import (
+    FREE_BASES,
+    ForceSensorSettings,
+    unchanged_samples,
+)
 from screw_module_ros.devices.tare import zero_error
 from screw_module_ros.samples import ForceReading
 
@@ -27,7 +31,7 @@ def test_free_bases_are_those_of_the_design_and_meet_no_canopen_identifier():
     free = {
         base for base in range(0x80) if not taken & {base << 4 | opcode for opcode in range(16)}
     }
-    assert free == ati.FREE_BASES
+    assert free == FREE_BASES
 
 
 # -- mounting ------------------------------------------------------------------------------------
@@ -45,8 +49,7 @@ def test_free_bases_are_those_of_the_design_and_meet_no_canopen_identifier():
 def test_mounting_turns_force_and_torque(angles, force, torque):
     settings = SENSOR._replace(**angles)
     unit = [tuple(float(row == column) for column in range(6)) for row in range(6)]
-    turn = ati.rotation(settings.roll, settings.pitch, settings.yaw)
-    rows = ati.counts_to_wrench(unit, ati.SensorIdentity("", "", 1, 1), turn, settings.sign)
+    rows = mounted(unit, settings)
     gauges = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     wrench = [sum(a * g for a, g in zip(row, gauges, strict=True)) for row in rows]
     assert wrench == pytest.approx((*force, *torque))
@@ -54,7 +57,7 @@ def test_mounting_turns_force_and_torque(angles, force, torque):
 
 @given(*[st.floats(-7, 7)] * 3)
 def test_rotation_keeps_length_and_handedness(roll, pitch, yaw):
-    x, y, z = ati.rotation(roll, pitch, yaw)
+    x, y, z = rotation(roll, pitch, yaw)
     assert math.hypot(*x) == pytest.approx(1.0)
     cross = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
     assert cross == pytest.approx(z, abs=1e-9)

@@ -9,8 +9,8 @@ import pytest
 from ati_board import COUNTS_PER_FORCE, COUNTS_PER_TORQUE, AtiBoard
 from far_end import STACKS
 
-from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -122,7 +122,7 @@ def test_a_stopped_driver_leaves_it_pre_operational(far, near, encoder):
 def test_a_force_sensor_of_its_manual_works_on_the_same_bus(request, near, encoder, closing):
     board = AtiBoard(request.node.nodeid)
     closing.callback(board.close)
-    sensor = ForceSensor(near.port, ForceSensorSettings(timeout=5.0, listen=0.02))
+    sensor = NetcanoemSensor(near.port, ForceSensorSettings(timeout=5.0, listen=0.02))
     sensor.configure()
     sensor.start()
     board.gauges = [250, -1200, 800, 4000, -15, 6]

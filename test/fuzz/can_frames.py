@@ -26,14 +26,14 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 
 _DRIVE = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 _ENCODER = EncoderSettings(listen=0.0, sdo_timeout=0.02)
 _SENSOR = ForceSensorSettings(listen=0.0, timeout=0.02, tare_samples=2)
 _BOX = _SENSOR._replace(counts_per_force=200.0, counts_per_torque=5000.0)
-_SENSORS = ((ScriptedSensor, ForceSensor, _SENSOR), (ScriptedBox, NetForceSensor, _BOX))
+_SENSORS = ((ScriptedSensor, NetcanoemSensor, _SENSOR), (ScriptedBox, NetForceSensor, _BOX))
 _IDS = (
     [0x000, 0x080, 0x100, 0x770, 0x701, 0x702, 0x7E5]
     + [base + node for base in (0x080, 0x180, 0x200, 0x280, 0x580, 0x600) for node in (1, 2)]

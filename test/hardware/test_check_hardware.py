@@ -10,6 +10,7 @@ from loop_parts import twin_of
 
 from screw_module_ros.can_io.bus import BusSettings, where
 from screw_module_ros.devices.encoder import Encoder
+from screw_module_ros.devices.life import Phase
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.graph import bus_of as bus_of_node
 from screw_module_ros.hardware import command, devices, exchange, machine
@@ -68,7 +69,7 @@ def test_a_healthy_rig_has_nothing_to_do(bench):
     found = everything(bench)
     assert open_points(found) == set()
     assert open_points(sampled(bench)) == set()
-    assert not any(drive.running for drive in (bench.drive, *bench.planar_drives))
+    assert not any(drive.phase is Phase.RUNNING for drive in (bench.drive, *bench.planar_drives))
 
 
 def test_a_drive_is_never_enabled(bench):

@@ -12,7 +12,7 @@ from far_end import LOCAL_NODE, far_end
 
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.encoder import Encoder
-from screw_module_ros.devices.force_sensor import ForceSensor
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 from screw_module_ros.graph import BESIDE, table
 from screw_module_ros.nodes.support.states import ERROR, OK, WARN
 from screw_module_ros.nodes.support.threads import Timers
@@ -78,7 +78,7 @@ def timers(monkeypatch):
 def polled(monkeypatch):
     """The devices whose slow values were read."""
     read = []
-    for kind in (Encoder, ForceSensor, Drive):
+    for kind in (Encoder, NetcanoemSensor, Drive):
 
         def poll(self, original=kind.poll_slow):
             read.append(self)

@@ -24,6 +24,7 @@ from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.devices.life import Phase
 from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.ticker import Tick
@@ -144,6 +145,7 @@ class Machine(RuleBasedStateMachine):
         """The far end works again; a fault reaction ends in fault by itself (CiA 402, 14)."""
         end = self.end
         end.answering, end.cause_stands = True, False
+        self.wire.emit(0x281, "00 00 0A 00 00 00 00")  # TPDO2, in which it is in torque mode
         end.state = "fault" if end.state == "fault reaction active" else end.state
 
 
@@ -206,7 +208,7 @@ class DriveMachine(Machine):
 
     @rule()
     def start_anew(self):
-        if self.drive.intact:
+        if self.drive.phase is not Phase.NEW:
             self.drive.start()
             self.asked = False
 

@@ -24,8 +24,8 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import Refused
-from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.netcanoem import NetcanoemSensor
 from screw_module_ros.devices.sdo import Sdo
 from screw_module_ros.rig.build import RigSettings
 
@@ -166,7 +166,7 @@ def reading(can_wire, sensor):
 def test_the_driver_reads_the_board_as_the_table_says(wire):  # noqa: F811
     end = wire.attach(ScriptedSensor(wire))
     (g0, g1, g2, g3, g4, g5), end.first, end.second = BOARD
-    sample = reading(wire, ForceSensor(wire.port, ForceSensorSettings(**QUICK_SENSOR)))
+    sample = reading(wire, NetcanoemSensor(wire.port, ForceSensorSettings(**QUICK_SENSOR)))
     assert wire.frames[-1] == (0x120, b"")
     # The scripted matrix: 2 g0 - g1 / 2, then one gauge a row; 1000 per N, 10 000 per Nm.
     forces = [force / 1000 for force in (2 * g0 - g1 / 2, g1, g2)]

@@ -7,11 +7,10 @@ excitation of a trial, which is no law.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable
-from importlib.metadata import entry_points
 from typing import Any
 
+from ... import plugins
 from ...settings import SettingError
 from ..friction import FrictionModel
 from ..law import Law, Robot, Variant
@@ -74,23 +73,9 @@ def load(path: str) -> Law:
 
     Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`.
     """
-    named = [point for point in entry_points(group=GROUP) if point.name == path]
-    if len({point.value for point in named}) > 1:
-        places = ", ".join(sorted(point.value for point in named))
-        raise SettingError(f"law {path}: several packages call one so ({places}): name the module")
-    where = named[0].value if named else path
-    module, colon, name = where.partition(":")
-    if not colon:
-        known = ", ".join(sorted(point.name for point in entry_points(group=GROUP))) or "none"
-        raise SettingError(
-            f"law {path}: neither package.module:NAME nor an entry point of {GROUP}; there: {known}"
-        )
-    try:
-        law = getattr(importlib.import_module(module), name)
-    except (Exception, SystemExit) as error:  # somebody else's: anything may come out of it
-        raise SettingError(f"law {path}: {type(error).__name__}: {error}") from None
+    law = plugins.load(path, GROUP, "law")
     if not isinstance(law, Law):
-        raise SettingError(f"law {path}: {where} is no screw_module_ros.control.law.Law")
+        raise SettingError(f"law {path}: it is no screw_module_ros.control.law.Law")
     if wrong := flaw(law):
         raise SettingError(f"law {path}: {wrong}")
     return law

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import suppress
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState, PlanarState
 
@@ -26,6 +26,9 @@ from .inbox import Inbox
 from .node import Node
 from .states import ERROR, OK, Health, RateMeter, latency_values
 from .topics import Newest, offered, requested
+
+if TYPE_CHECKING:
+    from screw_module_ros.devices.polled import Line
 
 _SLOW_POLL_S = 5.0
 # Longer than the supervisor waits for it (`timeout`) and the drives for the supervisor
@@ -51,6 +54,7 @@ class DriverNode(Node):
         self.parameters.declare_with(BusSettings, "can", channel=graph.bus_of(name))
         self.parameters.declare_with(RateSettings, rate=rate)
         self.bus_load = 0.0
+        self.port: Any = None  # a Port, or the Line of a sensor that is not on CAN
         self._told_makes = ""
 
     # For subclasses ------------------------------------------------------------------------
@@ -62,9 +66,17 @@ class DriverNode(Node):
         self.period_ns = period_of(self.parameters.read(RateSettings).rate)
         for device in devices:
             self.opened.callback(lock_device(self.bus_name, device).release)
-        self.port = open_port(bus, self.clock)
-        self.opened.callback(self.port.close)
-        return self.port
+        port = open_port(bus, self.clock)
+        self.port = port
+        self.opened.callback(port.close)
+        return port
+
+    def take_line(self, line: Line) -> None:
+        """Use what a driver has opened by itself in place of the CAN bus, if it has."""
+        if self.port is not line:
+            self.port, self.bus_name = line, line.name
+            self.period_ns = period_of(self.parameters.read(RateSettings).rate)
+            self.opened.callback(line.close)
 
     def configure_device(self, device: Any) -> None:
         """Configure a device; if it is another make than its profile says, tell which comes close.
