@@ -11,7 +11,7 @@ import pytest
 
 import screw_module_ros
 from screw_module_ros.behaviour import canonical, digest
-from screw_module_ros.calibration.version import law_version
+from screw_module_ros.calibration.version import source_of
 from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.laws import thesis
 from screw_module_ros.control.planar import planar_step
@@ -85,7 +85,7 @@ def test_what_the_vertical_law_reaches_changes_its_digest(module, old, new):
 
 
 def test_it_is_the_version_of_the_shipped_law():
-    assert law_version() == SHIPPED
+    assert source_of(thesis.THESIS) == SHIPPED
 
 
 def test_each_law_has_its_own_and_the_plane_sees_its_own_change():

@@ -228,7 +228,7 @@ FILES = (
      "[`characterize`](../docs/characterization.md); `friction` and `linearization` may also stand "
      "in files of their own."),
     ("Gain limits", GainLimits, "The largest force gains of one module in a linear model: "
-     "[gain limits](../docs/characterization.md#gain-limits-of-a-linear-model). Version 2."),
+     "[gain limits](../docs/characterization.md#gain-limits-of-a-linear-model). Version 3."),
 )  # fmt: skip
 
 

@@ -104,16 +104,37 @@ def feeds(force: float, pressed: float) -> Help:
     return Help(0.0, force, pressed, 0.0)
 
 
+FRICTION, MASS = "friction", "mass"
+"""What a mode may use of a module's calibration."""
+LINEAR = "linear"
+"""How a law's gains are judged: by their largest stable values in a linear model of the loop."""
+
+
 class Variant(NamedTuple):
     """One mode of a law.
 
     name: as shown to operators; gains: settings with which it feeds the handle's force back; force:
-    it needs the force sensor, so it does not begin before the first sample.
+    it needs the force sensor, so it does not begin before the first sample; uses: of the module's
+    calibration, FRICTION or MASS.
     """
 
     name: str
     gains: tuple[str, ...] = ()
     force: bool = False
+    uses: tuple[str, ...] = ()
+
+
+class Margin(NamedTuple):
+    """What the largest stable value of a gain depends on.
+
+    gain: the setting; name: of the gain in results; least, most: settings of the law, then of the
+    envelope, or the `rate` of the loop, of which less, or more, makes that value smaller.
+    """
+
+    gain: str
+    name: str
+    least: tuple[str, ...]
+    most: tuple[str, ...]
 
 
 class Robot(NamedTuple):
@@ -177,6 +198,11 @@ class Law:
     why settings do not go with a mode, empty if they do; shown: up to eight numbers of its memory,
     by their names, which are published and recorded.
 
+    judged: LINEAR, if the linear model of the loop is the whole of the law about any handle that is
+    held: then `stability` finds limits of its gains, to which the controller keeps; empty, if
+    nothing is known of them. margins: on what these limits depend; of a gain without one, on the
+    rate, on what the envelope filters and estimates with, and on all other settings of the law.
+
     heeds: its functions fade by `Sample.mode` and reduce themselves by `Sample.share`. The envelope
     does both for any other law; a law from outside this package cannot heed.
     """
@@ -193,3 +219,5 @@ class Law:
     refusal: Callable[[Any, int], str] = no_objection
     shown: tuple[str, ...] = ()
     heeds: bool = False
+    judged: str = ""
+    margins: tuple[Margin, ...] = ()

@@ -15,6 +15,8 @@ KNOWN_SHARE = 0.7
 CARRIED_HZ = 6.0
 """Corner of the filter of the acceleration with which mass is carried [Hz]: above it the hand feels
 M / (1 + k) again."""
+ESTIMATING = ("force_cutoff", "observer_cutoff", "observer_bandwidth", "observer_delay", "mass")
+"""Settings with which the envelope filters and estimates what every law is told."""
 _COMMAND = CommandLimits()
 
 

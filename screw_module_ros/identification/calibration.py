@@ -17,11 +17,15 @@ import numpy as np
 import yaml
 
 from ..calibration import gain_limits
-from ..calibration.gain_limits import Conditions, Loads, law_version, text_checksum
+from ..calibration.gain_limits import LOADS, Loop, conditions_of, text_checksum
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
+from ..calibration.version import fits, law_version
+from ..control.law import Law
+from ..control.laws import margin_of, modes_of_gains
+from ..control.laws.thesis import THESIS
 from ..control.vertical_settings import VerticalSettings
 from ..files import replace
-from ..settings import Setting, fields
+from ..settings import Field, Setting, fields
 from . import friction_model, gravity, inertia, stability, static_torque
 from .force_metric import apparent_mass
 from .lab import Lab, MissingResult
@@ -87,7 +91,6 @@ EXPERIMENT = Experiment(
 
 GAIN_LIMITS = "module_gain_limits.yaml"
 _SIMULATED = "SIM-"  # how the serial numbers of simulated modules begin
-_SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 
 
 def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
@@ -102,12 +105,11 @@ def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
         "serial": serial,
         "date": _now(),
         "software": software(),
-        "law": law_version(),
         "bench": lab.stand.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
     }
-    content |= _gains(lab)
+    content["laws"] = _laws(lab)
     text = _yaml(content)
     text += _yaml({"sha256": text_checksum(text)})
     replace(lab.folder / GAIN_LIMITS, text)
@@ -176,67 +178,86 @@ def software() -> str:
         return "unknown"
 
 
-def _gains(lab: Lab) -> dict[str, Any]:
-    """Return largest stable gains with margins over the defaults, limits and conditions.
+def _laws(lab: Lab) -> dict[str, Any]:
+    """Return for each law that is judged its largest stable gains, with limits and conditions.
 
-    Raises MissingResult if the gains are of another version of the law or of other masses, or kept
-    no conditions.
+    Raises MissingResult if the gains are of another version of a law or of other masses, or kept no
+    conditions.
     """
     if not (lab.folder / f"{stability.NAME}.yaml").exists():
         return {}
     gains = lab.result(stability.NAME)
-    if (version := gains.settings.get("law_version")) != law_version():
-        raise MissingResult(
-            f"the gains of {stability.NAME} were found for version {version} of the law, now it "
-            f"is {law_version()}: run {stability.NAME} again"
-        )
     if gains.settings["masses"] == stability.NOMINAL:
         raise MissingResult(
             f"the gains of {stability.NAME} were found with the masses of its settings, not with "
             "this module's: run gravity and inertia, then stability again"
         )
-    if missing := set(Conditions._fields) - set(gains.settings):
+    return {law.name: _law(law, gains) for law in lab.stand.laws if law.judged}
+
+
+def _law(law: Law, gains: Result) -> dict[str, Any]:
+    """Return one law's part of the file; gains: result of `stability`. Raises MissingResult."""
+    # A result of an earlier version has those of one law, not below its name.
+    earlier = {THESIS.name: gains.settings.get("law_version", "")}
+    version = gains.settings.get("laws", earlier).get(law.name, "")
+    if not version:
+        raise MissingResult(
+            f"{stability.NAME} has found no gains of law {law.name}: run {stability.NAME} again"
+        )
+    if not fits(version, law):
+        raise MissingResult(
+            f"the gains of {stability.NAME} were found for version {version} of law {law.name}, "
+            f"now it is {law_version(law)}: run {stability.NAME} again"
+        )
+    known = gains.settings.get("conditions", {THESIS.name: gains.settings})[law.name]
+    wanted = conditions_of(law, VerticalSettings(), law.settings(), Loop(0.0, 0.0, 0.0))
+    if missing := set(wanted) - set(known):
         raise MissingResult(
             f"the result of {stability.NAME} does not say with which {min(missing)} its gains were "
             f"found, an older version wrote it: run {stability.NAME} again"
         )
-    usual = VerticalSettings()
-    found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
-    stable: dict[str, dict[str, float]] = {}  # load -> setting -> largest stable gain
-    for name, q in found.items():
-        law, _, load = name.partition("_")
-        stable.setdefault(load, {})[_SETTINGS[law]] = q.value
-    limiting = {load: _rounded_down(stable[load]) for load in Loads._fields}
-    most = {name: min(on[name] for on in limiting.values()) for name in _SETTINGS.values()}
+    usual, ranges = law.settings(), fields(law.settings)
+    stable: dict[str, dict[str, float]] = {load: {} for load in stability.ENVIRONMENTS}
+    found = {}
+    for gain in modes_of_gains(law):
+        name = margin_of(law, gain).name
+        for load, on in stable.items():
+            q = gains.quantity(f"{name}_{load}")
+            on[gain] = q.value
+            found[q.name] = {
+                "gain": _rounded(q.value),
+                "uncertainty": _rounded(q.uncertainty),
+                "margin": _rounded(_over(q.value, getattr(usual, gain))),
+                "what": q.text,
+            }
+    limiting = {
+        load: {gain: _rounded_down(value, ranges[gain]) for gain, value in stable[load].items()}
+        for load in LOADS
+    }
+    most = {gain: min(on[gain] for on in limiting.values()) for gain in modes_of_gains(law)}
     exceeded = {
-        load: {name: round(gain, 2) for name, gain in on.items() if gain < most[name]}
+        load: {gain: round(value, 2) for gain, value in on.items() if value < most[gain]}
         for load, on in stable.items()
         if load not in limiting
     }
     return {
-        "largest_gains": {
-            name: {
-                "gain": _rounded(q.value),
-                "uncertainty": _rounded(q.uncertainty),
-                "margin": _rounded(q.value / getattr(usual, _SETTINGS[name.split("_")[0]])),
-                "what": q.text,
-            }
-            for name, q in found.items()
-        },
+        "version": version,
+        "largest_gains": found,
         "largest_gains_on": limiting,
         "exceeds": {load: on for load, on in exceeded.items() if on},
         # To the last bit: the controller compares them.
-        "conditions": {name: gains.settings[name] for name in Conditions._fields},
+        "conditions": {name: known[name] for name in wanted},
     }
 
 
-def _rounded_down(gains: dict[str, float]) -> dict[str, float]:
-    """Return gains by the law's settings, rounded down and within the settings' ranges."""
-    ranges = fields(VerticalSettings)
-    return {
-        name: math.floor(100.0 * min(gain, ranges[name].setting.high)) / 100.0
-        for name, gain in gains.items()
-    }
+def _over(value: float, usual: float) -> float:
+    """Return the margin of a largest gain over the default, infinite over none."""
+    return value / usual if usual else math.inf
+
+
+def _rounded_down(gain: float, of: Field) -> float:
+    """Return a gain rounded down and within the range of its setting."""
+    return math.floor(100.0 * min(gain, of.setting.high)) / 100.0
 
 
 def _rounded(value: float) -> float | None:

@@ -16,7 +16,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..control import modes
 from ..control.laws import variants
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting
@@ -60,16 +59,17 @@ def run(lab: Lab, settings: Settings) -> Result:
     """
     serial = calibration.own_serial(lab, settings.serial)
     usual = law_of(lab)._replace(stiffness=settings.stiffness)
+    named = {mode: variant.name.lower() for mode, variant in variants(lab.stand.laws).items()}
     trials = {
         f"{name}_{frequency:g}": _trial(settings, usual, mode, frequency)
-        for mode, name in _NAMES.items()
+        for mode, name in named.items()
         for frequency in settings.frequencies
     }
     parts = lab.record(NAME, trials, reduced)
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
     notes = list(_NOTES)
-    for name in _NAMES.values():
+    for name in named.values():
         found = np.array(
             [complex(parts[f"{name}_{f:g}"]["impedance"]) for f in settings.frequencies]
         )
@@ -86,13 +86,12 @@ def run(lab: Lab, settings: Settings) -> Result:
     if unsure:
         notes.append(f"Not determined, left out: {', '.join(unsure)}.")
     if TRUTH in lab.stand.offers:
-        quantities += _at_rest(lab, usual)
+        quantities += _at_rest(lab, usual, named)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
     calibration.write_gain_limits(lab, result, serial)
     return result
 
 
-_NAMES = {mode: variant.name.lower() for mode, variant in variants().items()}
 _NOTES = (
     "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
     "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "
@@ -133,18 +132,18 @@ def _trial(
     )  # fmt: skip
 
 
-def _at_rest(lab: Lab, usual: VerticalSettings) -> list[Quantity]:
-    """Return force error and travel of the trials at rest in each mode."""
+def _at_rest(lab: Lab, usual: VerticalSettings, named: dict[int, str]) -> list[Quantity]:
+    """Return force error and travel of the trials at rest in each mode; named: mode -> name."""
     trials = {
-        force_error.name_of(mode, case): force_error.trial_of(
+        force_error.name_of(mode, case, named): force_error.trial_of(
             case, mode, with_damping(usual, mode)
         )
-        for mode in _NAMES
+        for mode in named
         for case in RESTS.values()
     }
     parts = lab.record(NAME, trials, force_error.reduced)
     found = []
-    for name in _NAMES.values():
+    for name in named.values():
         for rest, case in RESTS.items():
             part, text = parts[f"{name}_{case}"], f"{force_error.CASES[case].text}, {name}"
             found += [
@@ -196,7 +195,9 @@ def _fitted(
 def draw(result: Result) -> Drawn:
     """Draw the impedance at the handle over the frequency, and the errors at rest."""
     frequencies = result.data["frequencies"]
-    labels = {name: name.replace("_", " ") for name in _NAMES.values()}
+    found = [key.partition("resistance_") for key in result.data]
+    names = [name for before, what, name in found if what and not before]
+    labels = {name: name.replace("_", " ") for name in names}
     figure, (left, right) = panels(1, 2, (9.0, 4.2))
     for (name, label), colour in zip(labels.items(), COLOURS, strict=False):
         line = {"marker": "o", "markersize": 3.0, "color": colour}
@@ -217,7 +218,7 @@ def draw(result: Result) -> Drawn:
     right.set_title("Apparent mass from Im Z, spring taken off [kg]")
     figure.legend(loc="outside lower center", ncols=3)
     figures, known = {"impedance": figure}, {quantity.name for quantity in result.quantities}
-    if rests := [rest for rest in RESTS if f"{rest}_{_NAMES[modes.IMPEDANCE]}" in known]:
+    if rests := [rest for rest in RESTS if f"{rest}_{names[0]}" in known]:
         rows = {
             label: [result.value(f"{rest}_{name}") for rest in rests]
             for name, label in labels.items()

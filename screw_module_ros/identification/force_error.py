@@ -19,6 +19,7 @@ mounts another handle (`plant.settings.changed_later`).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,8 @@ NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
+_NAMES = names()
+_CALIBRATED = tuple(mode for mode, variant in variants().items() if variant.uses)
 
 
 class Case(NamedTuple):
@@ -88,9 +91,9 @@ CASES = {
 class Settings(NamedTuple):
     """Modes, trials, and the law's impedance."""
 
-    modes: Annotated[
-        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(names()))
-    ] = tuple(variants())
+    modes: Annotated[tuple[int, ...], Setting("as in ForceCommand, or of laws of others")] = tuple(
+        variants()
+    )
     cases: Annotated[
         tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
     ] = tuple(CASES)
@@ -127,13 +130,13 @@ def _measured(
 
     laws: end of a trial's name -> law, description, further fields of the trial.
     """
-    trials, where = {}, {}
+    trials, where, named = {}, {}, _named(lab, settings.modes)
     for mode in settings.modes:
         for case in settings.cases:
             for end, (law, said, more) in laws.items():
-                name, own = f"{name_of(mode, case)}{end}", with_damping(law, mode)
+                name, own = f"{name_of(mode, case, named)}{end}", with_damping(law, mode)
                 trials[name] = trial_of(case, mode, own, settings.side_force, **more)
-                where[name] = f"{names()[mode].lower()}, {CASES[case].text}{said}"
+                where[name] = f"{named[mode].lower()}, {CASES[case].text}{said}"
     data = {
         name: np.array(ErrorOf(**{key: float(value) for key, value in part.items()}))
         for name, part in lab.record(experiment, trials, reduced).items()
@@ -143,12 +146,28 @@ def _measured(
         Quantity(f"rms_{name}", float(data[name][rms]), math.nan, "N", f"rms error, {where[name]}")
         for name in trials
     )
-    return Result(experiment, quantities, settings._asdict(), notes, data)
+    known, others = settings._asdict(), set(settings.modes) - set(names())
+    if others:
+        known["names"] = {str(mode): named[mode] for mode in sorted(others)}
+    return Result(experiment, quantities, known, notes, data)
 
 
-def name_of(mode: int, case: str) -> str:
-    """Return the name of a trial of a case in a mode."""
-    return f"{names()[mode].lower()}_{case}"
+def _named(lab: Lab, chosen: tuple[int, ...]) -> dict[int, str]:
+    """Return the names of all modes of the lab's laws. Raises ValueError for one that is none."""
+    named = names(lab.stand.laws)
+    if unknown := sorted(set(chosen) - set(named)):
+        raise ValueError(f"modes = {unknown[0]}: one of {', '.join(map(str, named))} is wanted")
+    return named
+
+
+def names_in(result: Result) -> dict[int, str]:
+    """Return the names of the modes of a result, those of laws of others among them."""
+    return names() | {int(mode): name for mode, name in result.settings.get("names", {}).items()}
+
+
+def name_of(mode: int, case: str, named: Mapping[int, str] = _NAMES) -> str:
+    """Return the name of a trial of a case in a mode; named: names of the modes."""
+    return f"{named[mode].lower()}_{case}"
 
 
 def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
@@ -187,10 +206,10 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
 
 def draw(result: Result) -> Drawn:
     """Draw the rms error of every mode in every trial as a map."""
-    cases = list(result.settings["cases"])
+    cases, named = list(result.settings["cases"]), names_in(result)
     rows = {
-        names()[mode].lower().replace("_", " "): [
-            result.value(f"rms_{name_of(mode, case)}") for case in cases
+        named[mode].lower().replace("_", " "): [
+            result.value(f"rms_{name_of(mode, case, named)}") for case in cases
         ]
         for mode in result.settings["modes"]
     }
@@ -217,8 +236,8 @@ class RobustnessSettings(NamedTuple):
     """Modes, trials, and seed of the change."""
 
     modes: Annotated[
-        tuple[int, ...], Setting("as in ForceCommand", choices=tuple(names()))
-    ] = (modes.FRICTION_COMPENSATION, modes.COMBINED, modes.OBSERVER)
+        tuple[int, ...], Setting("as in ForceCommand, or of laws of others")
+    ] = _CALIBRATED
     cases: Annotated[tuple[str, ...], Setting("trials by name", choices=tuple(CASES))] = (
         "slow", "fast", "small", "holding", "released",
     )  # fmt: skip
@@ -237,6 +256,7 @@ def run_changed(lab: Lab, settings: RobustnessSettings) -> Result:
     Data: as in `run`, by mode, case and state. Raises MissingResult without the results of
     the calibration, NotPossible on a real module, Cancelled.
     """
+    _named(lab, settings.modes)
     plain = VerticalSettings()
     own = plain.calibrated(
         lab.result(gravity.NAME).value("gravity"), lab.result(inertia.NAME).value("mass")
@@ -267,17 +287,17 @@ _CHANGED = (
 
 def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
     """Return the rms error [N] in each of `STATES`. Raises KeyError for a trial not measured."""
-    name = f"rms_{name_of(mode, case)}"
+    name = f"rms_{name_of(mode, case, names_in(result))}"
     uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
     return uncalibrated, calibrated, changed
 
 
 def draw_changed(result: Result) -> Drawn:
     """Draw the rms error of every mode and state in every trial as a map."""
-    cases = list(result.settings["cases"])
+    cases, named = list(result.settings["cases"]), names_in(result)
     rows = {
-        f"{names()[mode].lower().replace('_', ' ')}, {state}": [
-            result.value(f"rms_{name_of(mode, case)}_{state}") for case in cases
+        f"{named[mode].lower().replace('_', ' ')}, {state}": [
+            result.value(f"rms_{name_of(mode, case, named)}_{state}") for case in cases
         ]
         for mode in result.settings["modes"]
         for state in result.settings["states"]

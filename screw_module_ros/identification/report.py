@@ -18,7 +18,6 @@ from typing import NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from ..control.laws import names
 from ..plant.settings import WorldSettings
 from . import force_error
 from .results import MEASURED, Published, Quantity, Result
@@ -360,7 +359,7 @@ def robustness_rows(modules: Iterable[Module]) -> list[tuple[str, ...]]:
                     " / ".join(f"{rms:.2f}" for rms in force_error.rms_of(result, mode, case))
                     for case in result.settings["cases"]
                 ]
-                rows.append((module.name, names()[mode], *cells))
+                rows.append((module.name, force_error.names_in(result)[mode], *cells))
     return rows
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +16,12 @@ import click
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ..calibration.module import THESIS_FILE
+from ..calibration.version import law_version
+from ..control.law import Law
+from ..control.laws import LAWS, loaded, variants
 from ..plant.settings import load_world
 from ..resources import resource_path
+from ..settings import SettingError
 from ..terminal import Console, command
 from . import coverage
 from .experiments import EXPERIMENTS
@@ -69,6 +73,10 @@ _ONLY_SHOWN = (
 @click.option(
     "--plant", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="Plant file."
 )
+@click.option(
+    "--law", "laws", multiple=True, metavar="LAW",
+    help="A law of another package too: package.module:NAME, or its entry point.",
+)
 @click.option("--fresh", is_flag=True, help="Remove the results in the folder first.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--strict", is_flag=True, help="Exit with 3 on a miss without a reason.")
@@ -80,12 +88,19 @@ def reproduce(
     modules: int,
     only: tuple[str, ...],
     plant: Path | None,
+    laws: tuple[str, ...],
     fresh: bool,
     workers: int | None,
     strict: bool,
 ) -> bool:
     """Run the thesis's experiments and ours on the simulated module and write a report."""
     begun = time.monotonic()
+    try:
+        loaded(laws)
+    except SettingError as error:
+        raise click.UsageError(str(error)) from None
+    if laws and modules:
+        raise click.UsageError("--coverage judges no law of others: without --law")
     if fresh:
         _remove_own(folder)
     if modules:
@@ -95,7 +110,7 @@ def reproduce(
     total = len(only or EXPERIMENTS) + seeds * len(only or ON_EVERY_MODULE)
     with worker_pool(workers) as pool, _shown(console, total) as on_progress:
         examined = [
-            examine(seed, folder, pool, on_progress, only, plant)
+            examine(seed, folder, pool, on_progress, only, plant, laws=laws)
             for seed in (None, *range(first_seed, first_seed + seeds))
         ]
     with console.step("drawing and writing the page"):
@@ -149,22 +164,24 @@ def examine(
     experiments: Sequence[str] = (),
     plant: Path | None = None,
     changed: Mapping[str, Mapping[str, Any]] = {},
+    laws: tuple[str, ...] = (),
 ) -> Module:
     """Run experiments on one module, reusing finished trials of an earlier run.
 
     experiments: by name; none = all for the thesis's module, those of `ON_EVERY_MODULE` for
-    another; changed: settings of experiments by name. After a failed experiment the others
-    continue. Raises Cancelled, SettingError.
+    another; changed: settings of experiments by name; laws: of other packages, whose modes the
+    experiments measure too. After a failed experiment the others continue. Raises Cancelled,
+    SettingError.
     """
     world, loop = load_world(plant, seed), LoopSettings()
     name = "thesis" if seed is None else f"seed_{seed}"
     wanted = experiments or (EXPERIMENTS if seed is None else ON_EVERY_MODULE)
-    stand = SimulatedStand(world, loop, seed=1 if seed is None else seed)
+    stand = SimulatedStand(world, loop, seed=1 if seed is None else seed, laws=laws)
 
     def progress(doing: str, done: float, total: float) -> None:
         on_progress(name, doing, done / total if total else 1.0)
 
-    lab = Lab(stand, folder / name, progress, _fingerprint(), pool)
+    lab = Lab(stand, folder / name, progress, _fingerprint(stand.laws[len(LAWS) :]), pool)
     outcomes = {}
     for experiment in EXPERIMENTS:
         if experiment in wanted:
@@ -180,6 +197,9 @@ def _outcome(
     begun = time.monotonic()
     entry = EXPERIMENTS[experiment]
     settings = entry.settings()._replace(**changed)
+    if "modes" in settings._fields:
+        others = variants(lab.stand.laws[len(LAWS) :])
+        settings = settings._replace(modes=(*settings.modes, *others))
     if "serial" in settings._fields:
         serial = "SIM-0001" if module == "thesis" else f"SIM-{module}"
         settings = settings._replace(serial=serial)
@@ -193,13 +213,18 @@ def _outcome(
     return Outcome(result, "", time.monotonic() - begun)
 
 
-def _fingerprint() -> str:
-    """Return a digest of all sources and files that determine an experiment's result."""
+def _fingerprint(others: Iterable[Law] = ()) -> str:
+    """Return a digest of all sources and files that determine an experiment's result.
+
+    others: laws of other packages.
+    """
     digest = hashlib.sha256(Path(resource_path(THESIS_FILE)).read_bytes())
     for folder in _MADE_OF:
         for file in sorted((_SOURCES / folder).glob("*.py")):
             if file.name not in _ONLY_SHOWN:
                 digest.update(file.read_bytes())
+    for law in others:
+        digest.update(f"{law.name} {law_version(law)}".encode())
     return digest.hexdigest()[:16]
 
 

@@ -72,7 +72,8 @@ class LawInMode(NamedTuple):
     """A law in one of its modes.
 
     settings: of the envelope, of a law of this package its own too; velocity_cutoff: of the
-    encoder's filter [Hz]; law; own: settings of a law of others, None = its defaults.
+    encoder's filter [Hz]; law; own: settings of a law of others, None = its defaults; named: gain
+    of the mode, empty = its first.
     """
 
     mode: int
@@ -80,10 +81,13 @@ class LawInMode(NamedTuple):
     velocity_cutoff: float = 30.0
     law: Law = THESIS
     own: Any = None
+    named: str = ""
 
     @property
     def gain_name(self) -> str:
         """Name of the force gain. Raises ValueError for a mode that has none."""
+        if self.named:
+            return self.named
         if not (gains := self.law.variants[self.mode].gains):
             raise ValueError(f"mode {self.law.variants[self.mode].name} names no force gain")
         return gains[0]

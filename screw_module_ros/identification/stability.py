@@ -12,12 +12,18 @@ raises the gain until the handle chatters, for comparison with the prediction.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..calibration.gain_limits import conditions_of, law_version
+from ..calibration.gain_limits import Loop, conditions_of
+from ..calibration.version import law_version
 from ..control import modes
+from ..control.law import Law
+from ..control.laws import LAWS, margin_of, modes_of_gains, settings_of
+from ..control.laws.thesis import THESIS
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from . import gravity, inertia
@@ -36,13 +42,9 @@ ENVIRONMENTS = {
     "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Arm(1.0, 1e5, 30.0)),
     "soft_grip": ("0.45 kg of a hand with a grip of 1e4 N/m, 30 Ns/m", Arm(0.45, 1e4, 30.0)),
 }
-CURVES = {
-    "feedback": "force feedback",
-    "observer": "observer",
-    "observer_plain": "observer, carrying no mass",
-}
-"""Laws of the figure. The controller lets the observer carry less the lighter the hand is; the
-linear loop of `observer` carries all of it, the other none."""
+PLAIN = "observer_plain"
+"""Curve of the observer without the mass that it carries. The controller lets it carry less the
+lighter the hand is; the linear loop of the observer carries all of it, this one none."""
 SIMULATED, IDENTIFIED, NOMINAL = "of the simulated module", "identified", "of the settings"
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # multiples of the predicted gain
 _MOST = 50.0  # what the law allows
@@ -52,7 +54,9 @@ RIGID = 1e12
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _SHOWN = 1.0  # least gain of the figure
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
-_WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal
+_WIDTH, _WIDEST = 1.1, 4.0  # the widest line lies under another one, where they are equal
+_LABELS = {"feedback": "force feedback", PLAIN: "observer, carrying no mass"}
+_SIMULATED = "feedback"  # the gain whose onset is also simulated
 
 
 class Settings(NamedTuple):
@@ -83,13 +87,14 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
     usual = law_of(lab)._replace(force_cutoff=settings.cutoff)
-    feedback, observer = laws_of(usual, velocity_cutoff)
-    quantities, data = [], {}
+    looped = judged(usual, velocity_cutoff, lab.stand.laws, lab.stand.law_settings)
+    quantities: list[Quantity] = []
+    data: dict[str, Any] = {}
     support = mechanism.support_stiffness
     notes = [f"The screw's axial support, assumed and not measured: {support:g} N/m. {_NOTE}"]
     for name, (text, environment) in ENVIRONMENTS.items():
         given = (mechanism, environment, sampling)
-        for law_name, law in (("feedback", feedback), ("observer", observer)):
+        for law_name, law in looped.items():
             gain, where = largest_gain(*given, law), f"{law_name}, {text}"
             half = 0.005 * gain if 0.0 < gain < math.inf else math.nan  # of the last interval
             what = f"largest stable gain predicted, {where}"
@@ -104,22 +109,28 @@ def run(lab: Lab, settings: Settings) -> Result:
                 what += f"; none up to {MOST:g} is unstable"
                 notes.append(f"{where}: no gain up to {MOST:g} is unstable.")
             quantities.append(Quantity(f"{law_name}_{name}", gain, half, "", what, DERIVED))
-        predicted = min(quantities[-2].value, _MOST)
+        found = {quantity.name: quantity.value for quantity in quantities}
+        predicted = min(found[f"{_SIMULATED}_{name}"], _MOST)
         by_hand = hand_formula(*given, settings.cutoff)
         if not math.isnan(by_hand):  # it applies
             what = f"largest stable gain by the hand formula, feedback, {text}"
             quantities.append(Quantity(f"formula_{name}", by_hand, math.nan, "", what, DERIVED))
         if settings.simulated and TRUTH in lab.stand.offers and environment.mass > 0.0:
             quantities.append(_onset(lab, name, text, environment, predicted, settings.cutoff))
-    plain = observer._replace(settings=observer.settings._replace(observer_inertia=0.0))
-    curves = dict(zip(CURVES, (feedback, observer, plain), strict=True))
-    data |= _curves(mechanism, sampling, curves)
-    used = conditions_of(usual, *sampling, velocity_cutoff)
-    in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
+    carrying = looped["observer"]
+    plain = carrying._replace(settings=carrying.settings._replace(observer_inertia=0.0))
+    data |= _curves(mechanism, sampling, looped | {PLAIN: plain})
+    loop = Loop(*sampling, velocity_cutoff)
+    conditions = {
+        law.name: conditions_of(law, usual, _own(lab, law, usual), loop)
+        for law in lab.stand.laws if law.judged
+    }  # fmt: skip
+    in_force = settings._asdict() | conditions[THESIS.name]  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
     identified = NOMINAL if _identified(lab) is None else IDENTIFIED
     masses = SIMULATED if TRUTH in lab.stand.offers else identified
-    in_force |= {"law_version": law_version(), "masses": masses}
+    in_force |= {"laws": {law.name: law_version(law) for law in lab.stand.laws}, "masses": masses}
+    in_force |= {"conditions": conditions}
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
@@ -133,10 +144,28 @@ _NOTE = (
 )
 
 
-def laws_of(usual: VerticalSettings, velocity_cutoff: float) -> tuple[LawInMode, LawInMode]:
-    """Return force feedback and OBSERVER."""
-    feedback = LawInMode(modes.FORCE_FEEDBACK, usual, velocity_cutoff)
-    return feedback, feedback._replace(mode=modes.OBSERVER)
+def judged(
+    usual: VerticalSettings,
+    velocity_cutoff: float,
+    laws: Iterable[Law] = LAWS,
+    own: Mapping[str, Any] = MappingProxyType({}),
+) -> dict[str, LawInMode]:
+    """Return the gains that the linear model judges: each law in the first mode with the gain.
+
+    By the name of the gain in results. own: settings of laws of others, by the laws' names.
+    """
+    return {
+        margin_of(law, gain).name: LawInMode(
+            mode, usual, velocity_cutoff, law, own.get(law.name), gain
+        )
+        for law in laws if law.judged
+        for gain, mode in modes_of_gains(law).items()
+    }  # fmt: skip
+
+
+def _own(lab: Lab, law: Law, usual: VerticalSettings) -> Any:
+    """Return the settings of a law on the lab's stand."""
+    return settings_of(law, usual, lab.stand.law_settings.get(law.name))
 
 
 def limits(
@@ -290,20 +319,27 @@ def _curves(
     return found
 
 
+def curves_of(result: Result) -> list[str]:
+    """Return the names of the figure's curves."""
+    return [name.removeprefix("mass_") for name in result.data if name.startswith("mass_")]
+
+
 def draw(result: Result) -> Drawn:
     """Draw the largest stable gain over the delay and over the mass of the arm at the handle."""
     data = result.data
     figure, (left, right) = panels(1, 2, (8.6, 4.6), sharey=True)
-    for number, (name, label) in enumerate(CURVES.items()):
-        style = {"color": COLOURS[number], "label": label, "marker": "o", "markersize": 2.5,
-                 "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}  # fmt: skip
+    for number, name in enumerate(curves_of(result)):
+        colour = COLOURS[number % len(COLOURS)]
+        style = {"color": colour, "label": _LABELS.get(name, name.replace("_", " ")),
+                 "marker": "o", "markersize": 2.5, "zorder": 2.5 - 0.1 * number,
+                 "linewidth": _WIDEST if name == PLAIN else _WIDTH}  # fmt: skip
         for axes, x, gains in (
             (left, 1e3 * data["delays"], data[f"delay_{name}"]),
             (right, data["masses"], data[f"mass_{name}"]),
         ):
             axes.plot(x, np.where(gains >= _SHOWN, gains, np.nan), **style)
             if (low := gains < _SHOWN).any():
-                axes.plot(x[low], np.full(low.sum(), 1.1 * _SHOWN), "v", color=COLOURS[number],
+                axes.plot(x[low], np.full(low.sum(), 1.1 * _SHOWN), "v", color=colour,
                           markerfacecolor="none", markersize=5)  # fmt: skip
     for axes in (left, right):
         axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")

@@ -12,6 +12,8 @@ import functools
 import hashlib
 import math
 import zlib
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -108,6 +110,7 @@ class SimulatedStand:
 
     offers = frozenset({*WAYS_OUT, TRUTH})
     serial = ""
+    law_settings: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(
         self,
@@ -123,7 +126,7 @@ class SimulatedStand:
         self.name = f"in process, seed {seed}, {digest}"
         self.seed = seed
         self._thesis = thesis_friction()
-        self._paths, self._laws = laws, loaded(laws)
+        self._paths, self.laws = laws, loaded(laws)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one stand each for many trials."""
@@ -138,7 +141,7 @@ class SimulatedStand:
         hand = _hand_in(trial)
         motion: Any = hand.motion if hand else trial
         modes_of = (motion.mode, hand.then_mode) if hand else ()
-        law = next(filter(None, (law_of(mode, self._laws) for mode in modes_of)), THESIS)
+        law = next(filter(None, (law_of(mode, self.laws) for mode in modes_of)), THESIS)
         params = self._params(motion, law)
         force, torque, state = self._zero(law, params, self._start(trial, law, params))
         t = params.transducer

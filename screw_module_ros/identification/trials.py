@@ -13,12 +13,13 @@ rotor, and subtracts the straight line between the two, so that drift does not a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from ..control.friction import FrictionModel
+from ..control.law import Law
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
@@ -252,12 +253,15 @@ class Samples(NamedTuple):
 class Stand(Protocol):
     """Interface of a stand. rate: samples per second [1/s]; name: for reports, another one for
     another module; serial: the module's number as its controller has it, empty if unknown; offers:
-    what trials may need, of `WAYS_OUT` and TRUTH."""
+    what trials may need, of `WAYS_OUT` and TRUTH; laws: of this package and of others;
+    law_settings: of laws of others, by the laws' names, where they are not the defaults."""
 
     rate: float
     name: str
     serial: str
     offers: frozenset[str]
+    laws: tuple[Law, ...]
+    law_settings: Mapping[str, Any]
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""

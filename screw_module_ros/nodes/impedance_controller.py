@@ -34,6 +34,7 @@ from screw_module_ros.control.laws import (
     all_names,
     law_of,
     loaded,
+    parameter_of,
     refusal,
 )
 from screw_module_ros.control.modes import EXCITATION, OFF
@@ -179,26 +180,50 @@ class ImpedanceControllerNode(Node):
         law = known = self.parameters.read(VerticalSettings).validated()
         if chosen.gravity is not None:
             known = law.calibrated(chosen.gravity, chosen.mass)
+        values: dict[str, Any] = {}
         if self._limits and not self.parameters.read(GainLimitsSettings).beyond_gain_limits:
-            known = self._limits.chosen(known)
-        if refused := self._problem(known, own.mode):
+            known, values = self._limited(self._limits, known)
+        if refused := self._problem(known, own.mode, values):
             raise ValueError(refused)
-        values = {name: new for name, new in known._asdict().items() if new != getattr(law, name)}
+        values |= {name: new for name, new in known._asdict().items() if new != getattr(law, name)}
+        before = {name: self.get_parameter(name).value for name in values}
         if refused := self.parameters.write(**values):
             raise ValueError(f"the module's calibration and gain limits: {refused}")
-        self._replaced = {name: (getattr(law, name), new) for name, new in values.items()}
-        for name, (before, now) in self._replaced.items():
-            self.get_logger().info(f"this module's {name}: {now:g} (the parameter was {before:g})")
+        self._replaced = {name: (before[name], new) for name, new in values.items()}
+        for name, (was, now) in self._replaced.items():
+            self.get_logger().info(f"this module's {name}: {now:g} (the parameter was {was:g})")
         self._name_calibration()
-        if self._limits:
-            self._tell_limits(self._limits, known)
+        for law in self._laws:
+            self._tell_limits(law, known)
 
-    def _tell_limits(self, limits: GainLimits, law: VerticalSettings) -> None:
-        """Log what the gains in use are worth in the model from which their limits come."""
-        if limits.feedback_refusal:
-            self.get_logger().warning(limits.feedback_refusal)
-        elif exceeded := limits.exceeded(law):
-            self.get_logger().warning(
+    def _limited(
+        self, limits: GainLimits, known: VerticalSettings
+    ) -> tuple[VerticalSettings, dict[str, Any]]:
+        """Return the settings, and other laws' parameters, with gains within the limits."""
+        values: dict[str, Any] = {}
+        for law in self._laws:
+            if law in self._foreign:
+                own = self._settings_of(law)
+                within = limits.chosen(law, own)._asdict().items()
+                values |= {
+                    parameter_of(law, n): new for n, new in within if new != getattr(own, n)
+                }
+            else:
+                known = limits.chosen(law, known)
+        return known, values
+
+    def _tell_limits(self, law: Law, known: VerticalSettings) -> None:
+        """Log what a law's gains are worth in the model from which their limits come."""
+        limits, log = self._limits, self.get_logger()
+        if law in self._foreign and not law.judged:
+            log.warning(
+                f"law {self._versions[law.name]}: no linear model judges its gains, so no limits "
+                "of them are known: it is on your word that it runs"
+            )
+        elif limits and (refused := limits.feedback_refusal(law)):
+            log.warning(refused)
+        elif limits and (exceeded := limits.exceeded(law, self._own(law, known))):
+            log.warning(
                 f"gain limits are those of a linear model, in which these gains are unstable on "
                 f"some loads (largest stable gain): {exceeded}; there the guard ends what grows"
             )
@@ -206,8 +231,10 @@ class ImpedanceControllerNode(Node):
     def _leave_calibration(self) -> None:
         """Undo what the last module's calibration set, unless somebody has changed it since."""
         replaced, self._replaced = self._replaced, {}
-        law = self.parameters.read(VerticalSettings)
-        back = {name: old for name, (old, new) in replaced.items() if getattr(law, name) == new}
+        back = {
+            name: old for name, (old, new) in replaced.items()
+            if self.get_parameter(name).value == new
+        }  # fmt: skip
         if refused := self.parameters.write(**back):
             self._replaced = replaced
             raise ValueError(f"without the last calibration: {refused}")
@@ -285,8 +312,13 @@ class ImpedanceControllerNode(Node):
         law = law_of(mode, self._laws)
         if law is None:
             return ""
-        own = self._settings_of(law, changes) if law in self._foreign else settings
-        return refusal(law, own, mode)
+        return refusal(law, self._own(law, settings, changes), mode)
+
+    def _own(
+        self, law: Law, settings: VerticalSettings, changes: Mapping[str, Any] = _NO_CHANGES
+    ) -> Any:
+        """Return the settings of a law; settings: of the envelope, and of this package's laws."""
+        return self._settings_of(law, changes) if law in self._foreign else settings
 
     @property
     def _may_act(self) -> bool:
@@ -306,17 +338,20 @@ class ImpedanceControllerNode(Node):
         law = law_of(mode, self._laws)
         if law is None or own.beyond_gain_limits:
             return self._law_refusal(settings, mode, changes)
+        gains = law.variants[mode].gains
         if own.gain_limits_required:
-            if law in self._foreign:
+            if law in self._foreign and not (law.judged and gains):
                 return _NOT_JUDGED.format(law=law.name, mode=self._names[mode])
-            if law.variants[mode].gains:
-                if limits is None:
-                    return _WITHOUT_LIMITS
-                if limits.feedback_refusal:
-                    return limits.feedback_refusal
-        rate = self.parameters.read(RateSettings).rate
-        beyond = limits.refusal(settings, mode, rate) if limits else ""
-        return beyond or self._law_refusal(settings, mode, changes)
+            if gains and limits is None:
+                return _WITHOUT_LIMITS
+            if gains and limits and (refused := limits.feedback_refusal(law)):
+                return f"{refused}, or set beyond_gain_limits on your own word"
+        if limits:
+            rate = self.parameters.read(RateSettings).rate
+            chosen = self._own(law, settings, changes)
+            if refused := limits.refusal(law, mode, settings, chosen, rate):
+                return refused
+        return self._law_refusal(settings, mode, changes)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
@@ -454,9 +489,10 @@ class ImpedanceControllerNode(Node):
 
     def _exceeded(self) -> str:
         """Return which gains in use are unstable in the limits' model, and on which loads."""
-        if self._limits is None or self._limits.feedback_refusal:
+        law, limits = self.role.laws.law, self._limits
+        if limits is None or limits.feedback_refusal(law):
             return "not known"
-        return self._limits.exceeded(self.role.settings) or "none"
+        return limits.exceeded(law, self._own(law, self.role.settings)) or "none"
 
     def _age_text(self, now_ns: int) -> str:
         sample = self.role.answered

@@ -1,24 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The laws, bit for bit: a scripted input in, the stored digest of every output out.
 
-A law is rewritten without a change of a single bit, or its digest here changes and the commit says
-why. The inputs are made by sums and products alone, which are the same everywhere. The laws also
-use `exp`, `pow`, `tan` and others, whose last bit may differ between mathematics libraries; where
-those differ the digests say nothing, and the tests are skipped.
+A law is rewritten without a change of a single bit, or its digest changes and the commit says why.
+Those of the vertical laws are their versions, `control/laws/versions.yaml`: with `--write` a source
+that was changed is noted there, and the version stays; other bits make another version.
+
+The inputs are made by sums and products alone, which are the same everywhere. The laws also use
+`exp`, `pow`, `tan` and others, whose last bit may differ between mathematics libraries; where those
+differ the digests say nothing, and the tests are skipped.
 
 The compiled twins of the laws get the same inputs, and keep the same memory.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import random
 import struct
 
 import pytest
+import yaml
 
+from screw_module_ros.calibration import version
 from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.calibration.version import FILE, Known, known_laws, law_version, source_of
 from screw_module_ros.compiled import compiled, packed
 from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.excitation import (
@@ -28,12 +35,13 @@ from screw_module_ros.control.excitation import (
     excitation_step,
     from_numbers,
 )
-from screw_module_ros.control.laws import all_names, names
+from screw_module_ros.control.law import Law
+from screw_module_ros.control.laws import LAWS, own_of
 from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
-from screw_module_ros.control.modes import OFF
+from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar import initial_state as initial_plane
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -51,22 +59,21 @@ from screw_module_ros.control.torque_chain import (
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse
+from screw_module_ros.settings import plain
 
 MODEL = thesis_friction()
 vertical_step = enveloped(THESIS)
+SHIPPED = {law.name: law for law in LAWS}
+HEAD = """\
+# Versions of this package's laws: `make test ARGS="test/control/test_law_bits.py --write"`.
+# runs: digests of long runs, bit for bit; source: digest of what the law's step reaches; formerly:
+# versions that software with the same runs has given the law.
+"""
 TICKS = 6000
 VERTICAL_LAW = VerticalSettings(damping=10.0, observer_inertia=0.7)
-ANY_MODE = -2  # a run through all modes
+ANY_MODE, ANY = -2, "any"  # a run through all modes
+RUNS = [(law.name, mode) for law in LAWS for mode in (ANY_MODE, OFF, *law.variants)]
 LIBRARY = "3a929bd8f178edc3"
-VERTICAL = {
-    ANY_MODE: "41a788978d825eb8",
-    0: "5aa27b4c3773e8b4",
-    1: "a1c6228ec17df6fa",
-    2: "e91be07f5b7fd434",
-    3: "b2b4ca486111f87f",
-    4: "39fa06f38970bcaa",
-    5: "fe7c27ce448db209",
-}
 PLANE = {
     0.0: "c922181172027b9d",
     9.0: "de7b38ec48cb658d",
@@ -106,7 +113,7 @@ def sometimes(chance: random.Random, one_in: int) -> bool:
     return chance.randrange(one_in) == 0
 
 
-def vertical_inputs(mode: int):
+def vertical_inputs(mode: int, law_run: Law = THESIS):
     """Yield law, input and time step of a run: motion, rest, jolts, slots, odd input."""
     chance = random.Random(f"vertical {mode}")
     law, used = VERTICAL_LAW, mode
@@ -125,7 +132,7 @@ def vertical_inputs(mode: int):
             )  # fmt: skip
         if sometimes(chance, 300):
             if mode == ANY_MODE:
-                used = chance.randint(-1, max(all_names()))
+                used = chance.randint(-1, max(EXCITATION, *law_run.variants))
             else:
                 used = chance.choice((mode, used, OFF))
         dt = chance.choice((0.0005, 0.002, 0.05)) if sometimes(chance, 100) else 0.001
@@ -148,11 +155,14 @@ def vertical_inputs(mode: int):
         yield law, inp, dt
 
 
-def vertical_run(mode: int) -> str:
-    """Return the digest of all outputs of a run."""
-    state, shown = initial_state(VERTICAL_LAW, THESIS, Own(VERTICAL_LAW, MODEL)), []
-    for law, inp, dt in vertical_inputs(mode):
-        output = vertical_step(law, Own(law, MODEL), state, inp, dt)
+@functools.cache
+def vertical_run(name: str, mode: int) -> str:
+    """Return the digest of all outputs of a run of a law, by its name."""
+    run = SHIPPED[name]
+    step = enveloped(run)
+    state, shown = initial_state(VERTICAL_LAW, run, own_of(run, VERTICAL_LAW, MODEL)), []
+    for law, inp, dt in vertical_inputs(mode, run):
+        output = step(law, own_of(run, law, MODEL), state, inp, dt)
         shown += [
             output.force, output.impedance, output.gravity, output.friction,
             output.feedback + output.carried, output.saturated, output.desired_position,
@@ -323,10 +333,68 @@ def test_parts_of_the_laws(run):
     assert run() == PARTS[run]
 
 
+def key_of(mode: int) -> str:
+    """Return the key of a run."""
+    return ANY if mode == ANY_MODE else str(mode)
+
+
+def renewed(name: str, before: Known | None) -> Known:
+    """Return what is known of a law now; one with the same runs keeps its version."""
+    runs = {key_of(mode): vertical_run(name, mode) for other, mode in RUNS if other == name}
+    same = before is not None and before.runs == runs
+    return Known(runs, source_of(SHIPPED[name]), before.formerly if before and same else ())
+
+
 @same_library
-@pytest.mark.parametrize("mode", [ANY_MODE, *names()])
-def test_vertical_law(mode):
-    assert vertical_run(mode) == VERTICAL[mode]
+def test_the_sources_of_the_laws_are_those_whose_runs_are_known(request):
+    """A law that was only rewritten keeps its version: with --write its source is noted here."""
+    before = known_laws()
+    found = {name: renewed(name, before.get(name)) for name in SHIPPED}
+    if request.config.getoption("--write"):
+        text = yaml.safe_dump({"laws": plain(found)}, sort_keys=False)
+        FILE.write_text(HEAD + text, encoding="utf-8")
+        known_laws.cache_clear()
+        law_version.cache_clear()
+    assert {name: known.source for name, known in known_laws().items()} == {
+        name: known.source for name, known in found.items()
+    }, "the law's source is another: if the runs are equal, renew this with --write"
+
+
+@same_library
+@pytest.mark.parametrize(("name", "mode"), RUNS)
+def test_vertical_law(name, mode):
+    assert vertical_run(name, mode) == known_laws()[name].runs[key_of(mode)]
+
+
+def test_a_source_alone_changes_no_version_and_other_bits_do():
+    """What is renewed keeps the version of equal runs, and no former one of others."""
+    known = known_laws()["thesis"]
+    again = renewed("thesis", known._replace(source="0123456789ab"))
+    assert (again.behaviour, again.formerly) == (known.behaviour, known.formerly)
+    other = renewed("thesis", known._replace(runs=known.runs | {"3": "0123456789abcdef"}))
+    assert other.behaviour == known.behaviour and other.formerly == ()
+    assert known._replace(runs=known.runs | {"3": "0123456789abcdef"}).behaviour != known.behaviour
+
+
+@pytest.fixture
+def other_source(monkeypatch):
+    """Have the runs be those of another source than the law's."""
+    patched = known_laws()["thesis"]._replace(source="0123456789ab")
+    monkeypatch.setattr(version, "known_laws", lambda: {"thesis": patched})
+    law_version.cache_clear()
+    yield patched
+    law_version.cache_clear()
+
+
+def test_a_law_with_the_source_of_its_runs_is_known_by_the_runs():
+    assert law_version(THESIS) == known_laws()["thesis"].behaviour != source_of(THESIS)
+
+
+def test_a_law_that_was_changed_and_not_run_is_known_by_its_source(other_source):
+    """A patched robot is told from the one whose limits were found."""
+    assert law_version(THESIS) == source_of(THESIS)
+    for former in {other_source.behaviour, *other_source.formerly} - {source_of(THESIS)}:
+        assert not version.fits(former, THESIS)
 
 
 @same_library

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import random
+import textwrap
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +14,8 @@ from file_damage import NOTES
 from runner import sentence
 
 from screw_module_ros.calibration.gain_limits import (
+    Loop,
     conditions_of,
-    law_version,
     load_gain_limits,
     text_checksum,
 )
@@ -27,6 +28,8 @@ from screw_module_ros.calibration.module import (
     thesis_friction,
     write_calibration,
 )
+from screw_module_ros.calibration.version import law_version
+from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS, settings_from_yaml
@@ -48,17 +51,23 @@ _GAINS = "{force_gain: 3.5, observer_gain: 4.9}"
 
 
 def _gain_limits() -> list[str]:
-    """Return a file of gain limits, and one of the last release, a certificate."""
-    common = (
-        f"serial: SIM-1\ndate: '2001-05-11T09:30:00Z'\nlaw: '{law_version()}'\n"
-        "conditions:\n"
+    """Return a file of gain limits, one of the version before, and a certificate before that."""
+    common = "serial: SIM-1\ndate: '2001-05-11T09:30:00Z'\n"
+    law, loop = VerticalSettings(), Loop(1e3, 1e-3, 30.0)
+    conditions = "conditions:\n"
+    for name, value in conditions_of(THESIS, law, law, loop).items():
+        conditions += f"  {name}: {value}\n"
+    limits = (
+        f"largest_gains_on:\n  hand: {_GAINS}\n  heavy_arm: {_GAINS}\n  wall: {_GAINS}\n"
+        f"exceeds:\n  soft_grip: {_GAINS}\n{conditions}"
     )
-    for name, value in conditions_of(VerticalSettings(), 1e3, 1e-3, 30.0)._asdict().items():
-        common += f"  {name}: {value}\n"
+    form = "format: screw_module_ros/gain_limits\nversion:"
     texts = (
-        f"format: screw_module_ros/gain_limits\nversion: 2\nlargest_gains_on:\n  hand: {_GAINS}\n"
-        f"  heavy_arm: {_GAINS}\n  wall: {_GAINS}\nexceeds:\n  soft_grip: {_GAINS}\n{common}",
-        f"format: screw_module_ros/certificate\nversion: 1\npermitted_gains: {_GAINS}\n{common}",
+        f"{form} 3\n{common}laws:\n  thesis:\n    version: '{law_version()}'\n"
+        + textwrap.indent(limits, "    "),
+        f"{form} 2\n{common}law: '{law_version()}'\n{limits}",
+        f"format: screw_module_ros/certificate\nversion: 1\n{common}law: '{law_version()}'\n"
+        f"permitted_gains: {_GAINS}\n{conditions}",
     )
     return [f"{text}sha256: {text_checksum(text)}\n" for text in texts]
 

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.linearization import IDENTITY, Linearization, default_linearization
 from screw_module_ros.identification import friction_model, sampled
 from screw_module_ros.identification.results import Quantity, Result
@@ -77,6 +79,7 @@ class FormulaBench:
     """Samples of a `Module` and of a `Motor`; asked: the trials so far."""
 
     rate, name, serial, offers = 2000.0, "made by formulas", "", frozenset(WAYS_OUT)
+    laws, law_settings = LAWS, MappingProxyType({})
 
     def __init__(self, module: Module | None = None, motor: Motor | None = None):
         self.module, self.motor = module or Module(), motor or Motor()

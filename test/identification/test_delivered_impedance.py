@@ -3,6 +3,7 @@
 
 import hashlib
 import math
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import yaml
 from formula_stand import keep
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.calibration import GAIN_LIMITS as FILE
@@ -99,6 +101,7 @@ def test_it_is_of_the_law_that_the_calibration_makes(tmp_path):
 
     class Asked:
         rate, name, serial, offers = 1000.0, "asked", "", frozenset(WAYS_OUT)
+        laws, law_settings = LAWS, MappingProxyType({})
 
         def record(self, trial, told):
             assert (trial.settings.gravity, trial.settings.mass) == (8.7, 5.1)

@@ -3,12 +3,13 @@
 
 import math
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from screw_module_ros.identification import page, reproduce
+from screw_module_ros.identification import force_error, page, reproduce
 from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.page import html_page
@@ -28,7 +29,13 @@ from screw_module_ros.identification.report import (
     compared_rows,
     value_text,
 )
-from screw_module_ros.identification.results import DERIVED, Published, Quantity, Result
+from screw_module_ros.identification.results import (
+    DERIVED,
+    Published,
+    Quantity,
+    Result,
+    load_result,
+)
 from screw_module_ros.identification.stand import LoopSettings
 
 TEN = Published("gravity_about", 0.5)
@@ -211,3 +218,26 @@ def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path, st
     assert reproduce._outcome(lab, "friction_model", "thesis").failure
     with pytest.raises(MissingResult):
         lab.result("friction_model")
+
+
+@pytest.mark.long
+def test_modes_of_a_law_of_another_package_are_measured_beside_the_shipped_ones(tmp_path):
+    """`reproduce --law`: on the same module, in the same trials, in the same figure."""
+    told, few = (lambda *_: None), {"force_error": {"modes": (1,), "cases": ("small",)}}
+    with ThreadPoolExecutor(1) as pool:
+        found = reproduce.examine(
+            None, tmp_path, pool, told, ("force_error",), None, few, ("laws_of_others:THE_FLOOR",)
+        )
+    result = found.result("force_error")
+    assert 0.0 < result.value("rms_floor_small") < result.value("rms_impedance_small")
+    (figure,) = force_error.draw(load_result(found.folder, "force_error")).values()
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["impedance", "floor"]
+
+
+def test_what_is_no_law_of_another_package_is_told_before_anything_runs(tmp_path):
+    code, output = reproduced(tmp_path / "out", "--law", "laws_of_others:NONE")
+    assert code == 2 and "has no attribute 'NONE'" in output and not (tmp_path / "out").exists()
+    code, output = reproduced(
+        tmp_path / "out", "--law", "laws_of_others:THE_FLOOR", "--coverage", "3"
+    )
+    assert code == 2 and "--coverage judges no law of others" in output

@@ -10,18 +10,13 @@ import pytest
 from formula_stand import FormulaBench, keep
 
 from screw_module_ros.calibration.gain_limits import (
-    FEEDBACK,
-    LEAST,
-    MOST,
-    OBSERVED,
-    Conditions,
-    Gains,
-    Loads,
+    LOADS,
+    Loop,
     conditions_of,
-    law_version,
     load_gain_limits,
 )
 from screw_module_ros.calibration.module import thesis_friction
+from screw_module_ros.calibration.version import law_version
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.laws.thesis import THESIS, Own
@@ -49,7 +44,8 @@ from screw_module_ros.settings import fields
 HAND, HEAVY, LIGHT_WALL = Arm(), Arm(30.0, 300.0, 30.0), Arm(1.0, 1e5, 30.0)
 USUAL = VerticalSettings()
 vertical_step = enveloped(THESIS)
-FEEDBACK_LAW, MOVING = stability.laws_of(USUAL, 30.0)
+FEEDBACK_LAW, MOVING = stability.judged(USUAL, 30.0).values()
+CALIBRATED_LOOP = Loop(1000.0, 1.26e-3, 30.0)
 RIGID = Mechanism(support_stiffness=stability.RIGID)
 BARE = RIGID._replace(film_damping=0.0)
 PRESSED = 5.0  # by the hand, downward [N]
@@ -212,7 +208,7 @@ def test_the_linear_law_is_force_feedback_as_the_thesis_writes_it():
 def test_gains_on_a_support_as_characterization_md_lists_them(support, gains):
     """With feedback and as an observer: a hand, an arm of 30 kg, a damped wall."""
     m = Mechanism(support_stiffness=support)
-    met = [stability.ENVIRONMENTS[name][1] for name in Loads._fields]
+    met = [stability.ENVIRONMENTS[name][1] for name in LOADS]
     found = [largest_gain(m, on, Sampling(), law) for on in met for law in (FEEDBACK_LAW, MOVING)]
     assert found == pytest.approx(gains, rel=0.015)
 
@@ -335,7 +331,7 @@ def quickly(monkeypatch):
 
 def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
     """The limits are stable on hand, heavy arm and damped wall; the file names what they exceed."""
-    met = {name: stability.ENVIRONMENTS[name] for name in (*Loads._fields, "soft_grip")}
+    met = {name: stability.ENVIRONMENTS[name] for name in (*LOADS, "soft_grip")}
     monkeypatch.setattr(stability, "ENVIRONMENTS", met)
     result = stability.run(lab, stability.Settings())
     assert result.value("feedback_hand") == pytest.approx(11.0, rel=0.05)
@@ -345,25 +341,27 @@ def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
     assert any("limited by" in note for note in result.notes)
     (drawn,) = stability.draw(result).values()
     for axes, over in zip(drawn.axes, ("delay", "mass"), strict=True):
-        assert over in axes.get_xlabel() and len(axes.lines) >= len(stability.CURVES)
+        assert over in axes.get_xlabel()
+        assert len(axes.lines) >= len(stability.curves_of(result)) == 3
     weighed = result.settings | {"masses": stability.IDENTIFIED}
     result._replace(settings=weighed).save(lab.folder)
     calibration.write_gain_limits(lab, DELIVERED, "ARM-0007")
-    limits = load_gain_limits(lab.folder / calibration.GAIN_LIMITS, "ARM-0007")
-    assert limits.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
+    file = load_gain_limits(lab.folder / calibration.GAIN_LIMITS, "ARM-0007")
+    limits, usual = file.laws["thesis"], VerticalSettings()
+    assert limits.conditions == conditions_of(THESIS, usual, usual, CALIBRATED_LOOP)
     laws = ("feedback", "observer")
-    for law, gain, name in zip(laws, limits.largest, Gains._fields, strict=True):
+    for law, (name, gain) in zip(laws, limits.largest.items(), strict=True):
         found = {load: result.value(f"{law}_{load}") for load in met}
-        for load, gains in limits.largest_gains_on._asdict().items():
+        for load, gains in limits.largest_gains_on.items():
             most = min(found[load], fields(VerticalSettings)[name].setting.high)
-            assert most - 0.01 <= getattr(gains, name) <= most
-        least = min(found[load] for load in Loads._fields)
+            assert most - 0.01 <= gains[name] <= most
+        least = min(found[load] for load in LOADS)
         assert least - 0.01 <= gain <= least
         assert limits.exceeds["soft_grip"][name] == round(found["soft_grip"], 2) < gain
     assert set(limits.exceeds) == {"soft_grip"}
     assert re.fullmatch(
         r"force_gain \d\S* \(soft grip 0\.\d+\), observer_gain \d\S* \(soft grip 0\.\d+\)",
-        limits.exceeded(limits.chosen(VerticalSettings())),
+        limits.exceeded(limits.chosen(usual)),
     )
 
 
@@ -377,13 +375,14 @@ def test_a_loop_that_no_gain_makes_unstable_is_said(lab, quickly):
 @pytest.mark.parametrize(
     ("change", "stand", "said"),
     [
-        ({"law_version": "of last year"}, "", "version of last year of the law"),
+        ({"laws": {"thesis": "of last year"}}, "", "version of last year of law thesis"),
+        ({"laws": {"floor": "0123456789ab"}}, "", "found no gains of law thesis"),
         ({"masses": stability.NOMINAL}, "", "run gravity and inertia"),
         ({}, "live graph, hardware, module ARM-0008", "from another stand .*ARM-0008"),
     ],
 )
 def test_gains_of_another_law_or_module_make_no_file(lab, change, stand, said):
-    found = {"law_version": law_version(), "masses": stability.IDENTIFIED}
+    found = {"laws": {"thesis": law_version()}, "masses": stability.IDENTIFIED}
     Result("stability", (), found | change, (), {}, stand).save(lab.folder)
     with pytest.raises(MissingResult, match=said):
         calibration.write_gain_limits(lab, DELIVERED, "ARM-0007")
@@ -409,19 +408,31 @@ def test_hardware_has_no_serial_of_a_simulated_module(tmp_path, offers, own, ask
         calibration.own_serial(lab, asked)
 
 
-SLOW_LOOP = conditions_of(USUAL._replace(observer_inertia=0.35), 1000.0, 1.26e-3, 30.0)
+HALF_CARRYING = USUAL._replace(observer_inertia=0.35)
+SLOW_LOOP = conditions_of(THESIS, HALF_CARRYING, HALF_CARRYING, CALIBRATED_LOOP)
 
 
-def permitted_with(conditions: Conditions, support: float) -> dict[str, float]:
+def permitted_with(conditions: dict, support: float) -> dict[str, float]:
     """Return the largest gains that are stable on heavy arm and damped wall, by setting."""
     mechanism = Mechanism(support_stiffness=support)
-    c = conditions
-    own = {name: getattr(c, name) for name in c._fields if hasattr(USUAL, name)}
-    feedback, moving = stability.laws_of(USUAL._replace(**own), c.velocity_cutoff)
+    c = Loop(*(conditions[name] for name in Loop._fields))
+    own = {name: value for name, value in conditions.items() if name not in Loop._fields}
+    laws = stability.judged(USUAL._replace(**own), c.velocity_cutoff)
     met = [stability.ENVIRONMENTS[name][1] for name in ("heavy_arm", "wall")]  # a hand bears more
     return {
-        setting: min(largest_gain(mechanism, on, Sampling(c.rate, c.delay), law) for on in met)
-        for setting, law in ((FEEDBACK, feedback), (OBSERVED, moving))
+        law.gain_name: min(
+            largest_gain(mechanism, on, Sampling(c.rate, c.delay), law) for on in met
+        )
+        for law in laws.values()
+    }
+
+
+def gains_by_condition(side: str) -> dict[str, tuple[str, ...]]:
+    """Return the conditions on one side of the margins, each with the gains that it matters to."""
+    names = dict.fromkeys(name for margin in THESIS.margins for name in getattr(margin, side))
+    return {
+        name: tuple(margin.gain for margin in THESIS.margins if name in getattr(margin, side))
+        for name in names
     }
 
 
@@ -434,17 +445,17 @@ def test_what_the_limits_refuse_costs_margin():
     """
     loop, supports = SLOW_LOOP, (1e7, 5e6)
     usual = [permitted_with(loop, support) for support in supports]
-    both = (FEEDBACK, OBSERVED)
-    for share, conditions in ((0.6, LEAST | {"delay": both}), (1.8, MOST | {"delay": both})):
-        for name, gains in conditions.items():
-            other = loop._replace(**{name: share * getattr(loop, name)})
+    both = ("force_gain", "observer_gain")
+    for share, side in ((0.6, "least"), (1.8, "most")):
+        for name, gains in {**gains_by_condition(side), "delay": both}.items():
+            other = loop | {name: share * loop[name]}
             if name == "rate":
-                other = other._replace(delay=loop.delay / share)
+                other |= {"delay": loop["delay"] / share}
             found = [permitted_with(other, support) for support in supports]
             for gain in both:
                 costs = any(now[gain] < then[gain] for now, then in zip(found, usual, strict=True))
                 assert costs == (gain in gains), (name, share, gain)
-    assert permitted_with(loop._replace(velocity_cutoff=10.0), 1e7) == usual[0]
+    assert permitted_with(loop | {"velocity_cutoff": 10.0}, 1e7) == usual[0]
 
 
 def test_the_limits_are_for_mass_and_law_of_the_calibration(lab, quickly, monkeypatch):
@@ -461,9 +472,8 @@ def test_the_limits_are_for_mass_and_law_of_the_calibration(lab, quickly, monkey
     assert (found.settings["mass"], found.settings["observer_inertia"]) == (7.0, KNOWN_SHARE)
     own = Mechanism()._replace(nut_mass=7.0 - 10.04 / 9.81, handle_mass=10.04 / 9.81)
     assert found.settings["nut_mass"] == own.nut_mass
-    _, *laws = stability.laws_of(VerticalSettings().calibrated(10.04, 7.0), 30.0)
-    given = own, walls["wall"][1], Sampling(1000.0, 1.26e-3)
-    expected = min(largest_gain(*given, law) for law in laws)
+    law = stability.judged(VerticalSettings().calibrated(10.04, 7.0), 30.0)["observer"]
+    expected = largest_gain(own, walls["wall"][1], Sampling(1000.0, 1.26e-3), law)
     assert found.value("observer_wall") == pytest.approx(expected, rel=0.02)
     assert found.value("observer_light_wall") == 0.0 < found.value("feedback_light_wall")
     assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)

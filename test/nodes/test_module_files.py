@@ -14,14 +14,16 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState
 from screw_module_msgs.srv import SetControlMode
 
-from screw_module_ros.calibration.gain_limits import conditions_of, law_version, text_checksum
+from screw_module_ros.calibration.gain_limits import Loop, conditions_of, text_checksum
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,
     thesis_friction,
     write_calibration,
 )
+from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control import modes
+from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.nodes.support.answering import Done
@@ -166,16 +168,21 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
 
 
 LIMITED = "ARM-0007"
-CONDITIONS = conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
 LIMITS = """
-format: screw_module_ros/gain_limits
-version: 2
-largest_gains_on:
-  hand: {force_gain: 14.1, observer_gain: 23.0}
-  heavy_arm: {force_gain: 6.28, observer_gain: 16.0}
-  wall: {force_gain: 9.5, observer_gain: 12.6}
-exceeds: {soft_grip: {force_gain: 0.92, observer_gain: 0.51}}
+  largest_gains_on:
+    hand: {force_gain: 14.1, observer_gain: 23.0}
+    heavy_arm: {force_gain: 6.28, observer_gain: 16.0}
+    wall: {force_gain: 9.5, observer_gain: 12.6}
+  exceeds: {soft_grip: {force_gain: 0.92, observer_gain: 0.51}}
 """
+
+
+def conditions_for(law):
+    """Return the conditions of limits that were found with a law's settings."""
+    return conditions_of(THESIS, law, law, Loop(1000.0, 1.26e-3, 30.0))
+
+
+CONDITIONS = conditions_for(VerticalSettings())
 CERTIFICATE = """
 format: screw_module_ros/certificate
 version: 1
@@ -188,12 +195,15 @@ def controller(make_node, tmp_path):
     """Return a function that makes a controller with gain limits of 6.28 and 12.6."""
     file = tmp_path / "module_gain_limits.yaml"
 
-    def made(conditions=CONDITIONS, kind=LIMITS, law=None, **others):
-        text = (
-            f"{kind}serial: {LIMITED}\ndate: '2026-11-22T09:30:00Z'\n"
-            f"law: '{law or law_version()}'\n"
-        )
-        text += yaml.safe_dump({"conditions": conditions._asdict()})
+    def made(conditions=CONDITIONS, kind="", law=None, **others):
+        text = f"serial: {LIMITED}\ndate: '2026-11-22T09:30:00Z'\n{kind}"
+        if kind:
+            text += yaml.safe_dump({"law": law, "conditions": conditions})
+        else:
+            thesis = {"version": law or law_version(), "conditions": conditions}
+            thesis |= yaml.safe_load(LIMITS)
+            text += "format: screw_module_ros/gain_limits\nversion: 3\n"
+            text += yaml.safe_dump({"laws": {"thesis": thesis}})
         file.write_text(f"{text}sha256: {text_checksum(text)}\n")
         named = {"gain_limits_file": file, "module_serial": LIMITED, **others}
         return make_node("impedance_controller", *words(**named))
@@ -279,7 +289,7 @@ def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
     write_calibration(tmp_path / "calibration.yaml", heavy)
     known = VerticalSettings().calibrated(heavy.gravity_N, heavy.mass_kg)
     node = controller(
-        conditions_of(known, 1000.0, 1.26e-3, 30.0), mode=modes.OBSERVER, damping=20.0,
+        conditions_for(known), mode=modes.OBSERVER, damping=20.0,
         calibration_file=tmp_path / "calibration.yaml",
     )  # fmt: skip
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS

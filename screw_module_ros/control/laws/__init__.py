@@ -13,9 +13,9 @@ from typing import Any
 from ... import plugins
 from ...settings import SettingError
 from ..friction import FrictionModel
-from ..law import Law, Robot, Variant
+from ..law import LINEAR, Law, Margin, Robot, Variant
 from ..modes import EXCITATION, OFF
-from ..vertical_settings import VerticalSettings
+from ..vertical_settings import ESTIMATING, VerticalSettings
 from .thesis import THESIS
 
 LAWS: tuple[Law, ...] = (THESIS,)
@@ -51,6 +51,31 @@ def gains_of(mode: int, laws: Iterable[Law] = LAWS) -> tuple[str, ...]:
     """Return the settings with which a mode feeds the handle's force back."""
     variant = variants(laws).get(mode)
     return variant.gains if variant else ()
+
+
+def modes_of_gains(law: Law) -> dict[str, int]:
+    """Return the gains of a law, each with the first mode that has it."""
+    found: dict[str, int] = {}
+    for mode, variant in law.variants.items():
+        for gain in variant.gains:
+            found.setdefault(gain, mode)
+    return found
+
+
+def margin_of(law: Law, gain: str) -> Margin:
+    """Return what the largest stable value of a gain depends on."""
+    for margin in law.margins:
+        if margin.gain == gain:
+            return margin
+    own = tuple(name for name in law.settings._fields if name not in modes_of_gains(law))
+    every = ("rate", *ESTIMATING, *(name for name in own if name not in ESTIMATING))
+    return Margin(gain, f"{law.name}_{gain}", every, every)
+
+
+def parameter_of(law: Law, setting: str) -> str:
+    """Return the name of the parameter for a setting that a law names: its own ones come first."""
+    own = law.settings is not VerticalSettings and setting in law.settings._fields
+    return f"{law.name}.{setting}" if own else setting
 
 
 def settings_of(law: Law, p: VerticalSettings, chosen: Any = None) -> Any:
@@ -123,6 +148,8 @@ def _flaw_of_kind(law: Law) -> str:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
     if not isinstance(law.shown, tuple) or len(law.shown) > MOST_SHOWN:
         return f"what it shows, {law.shown!r}, is no tuple of {MOST_SHOWN} names at most"
+    if law.judged not in ("", LINEAR):
+        return f"it is judged by {law.judged!r}: {LINEAR!r} is wanted, or nothing"
     return ""
 
 
@@ -153,4 +180,9 @@ def _flaw_of_settings(law: Law) -> str:
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
     if unknown := sorted(gains - set(kind._fields)):
         return f"its gain {unknown[0]} is none of its settings"
+    if other := [margin.gain for margin in law.margins if margin.gain not in gains]:
+        return f"its margin of {other[0]} is of none of its gains"
+    named = {name for margin in law.margins for name in (*margin.least, *margin.most)}
+    if unknown := sorted(named - {"rate", *kind._fields, *VerticalSettings._fields}):
+        return f"its margins name {unknown[0]}, which is no setting of it or of the envelope"
     return ""

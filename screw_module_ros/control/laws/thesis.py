@@ -18,7 +18,7 @@ from typing import NamedTuple
 from ...filters import Lowpass, clear, derivative, envelope, tune
 from ..friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
 from ..gain_guard import leaky_gain
-from ..law import Asked, Help, Law, Motion, Robot, Sample, Variant
+from ..law import FRICTION, LINEAR, MASS, Asked, Help, Law, Margin, Motion, Robot, Sample, Variant
 from ..limits import clamp, slew
 from ..modes import COMBINED, FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, OBSERVER
 from ..vertical_settings import CARRIED_HZ, VerticalSettings, least_damping
@@ -173,14 +173,24 @@ def refusal(settings: VerticalSettings, mode: int) -> str:
 
 
 _FEEDBACK, _OBSERVED = ("force_gain",), ("observer_gain",)
+# On the screw's axial support a faster loop feeds back more of a heavy arm's oscillation, so the
+# rate must be that of the limits.
+_MARGINS = (
+    Margin("force_gain", "feedback", least=("rate",), most=("rate", "force_cutoff")),
+    Margin(
+        "observer_gain", "observer", least=("rate", "observer_bandwidth", "observer_delay", "mass"),
+        most=("rate", "observer_cutoff", "observer_inertia"),
+    ),
+)  # fmt: skip
 THESIS = Law(
     "thesis",
     {
         IMPEDANCE: Variant("IMPEDANCE"),
-        FRICTION_COMPENSATION: Variant("FRICTION_COMPENSATION"),
+        FRICTION_COMPENSATION: Variant("FRICTION_COMPENSATION", uses=(FRICTION,)),
         FORCE_FEEDBACK: Variant("FORCE_FEEDBACK", _FEEDBACK, force=True),
-        COMBINED: Variant("COMBINED", _FEEDBACK, force=True),
-        OBSERVER: Variant("OBSERVER", _OBSERVED, force=True),
+        COMBINED: Variant("COMBINED", _FEEDBACK, force=True, uses=(FRICTION,)),
+        OBSERVER: Variant("OBSERVER", _OBSERVED, force=True, uses=(MASS,)),
     },
     VerticalSettings, new_memory, foresee, ask, helps, rest, own_numbers, refusal, heeds=True,
+    judged=LINEAR, margins=_MARGINS,
 )  # fmt: skip

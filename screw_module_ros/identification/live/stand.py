@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +36,10 @@ from screw_module_ros.calibration.module import (
 )
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.excitation import Excitation, as_numbers
-from screw_module_ros.control.laws import names
+from screw_module_ros.control.law import FRICTION, Law
+from screw_module_ros.control.laws import LAWS, law_of, loaded, names
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.modes import (
-    COMBINED,
-    EXCITATION,
-    FRICTION_COMPENSATION,
-    OFF,
-)
+from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import (
@@ -63,6 +59,7 @@ from screw_module_ros.identification.trials import (
 )
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.settings import SettingError
 
 from .checks import (
     check_acting,
@@ -128,7 +125,12 @@ class LiveStand:
         with self.clock.working():
             check_screw(robot, "encoder")
             self.rate = common_rate(robot)
-            self.serial = robot.parameters(CONTROLLER, ("module_serial",))["module_serial"]
+            own = robot.parameters(CONTROLLER, ("module_serial", "laws"))
+            self.serial = own["module_serial"]
+            self.laws = laws_of_controller(own.get("laws", ()))
+            self.law_settings: Mapping[str, Any] = {
+                law.name: self._settings_of(law) for law in self.laws[len(LAWS) :]
+            }
         self.offers = frozenset({TORQUE, STAGE, MOTION, *([RELEASE] if fixture.simulated else [])})
         place = "simulated rig" if fixture.simulated else "hardware"
         self.name = f"live graph, {place}, module {self.serial or 'without a serial'}"
@@ -150,6 +152,12 @@ class LiveStand:
         states = map(robot.state, kinds)
         return ", ".join(state.calibration if state else "unknown" for state in states)
 
+    def _settings_of(self, law: Law) -> Any:
+        """Return the settings with which the controller runs a law of others."""
+        names = {name: f"{law.name}.{name}" for name in law.settings._fields}
+        found = self._robot.parameters(CONTROLLER, tuple(names.values()))
+        return law.settings(**{name: found[full] for name, full in names.items()})
+
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, BagError, SamplesLost."""
         require(trial, self)
@@ -157,7 +165,8 @@ class LiveStand:
         act: dict[type, Callable[..., Reader]] = {
             TorqueTrial: self._torque, StageTrial: self._stage, MotionTrial: self._motion
         }  # fmt: skip
-        bag, reader = self._recorded(name_of(trial), act[type(trial)], trial, on_progress)
+        name = name_of(trial, self.laws)
+        bag, reader = self._recorded(name, act[type(trial)], trial, on_progress)
         return reader(recorded(bag, self.rate, self._robot.node.resolve_topic_name))
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
@@ -478,7 +487,7 @@ class LiveStand:
                 fixture.hand_lets_go()
             on_progress(min(elapsed / trial.duration, 1.0))
 
-        self._say(f"the hand moves, {names()[trial.mode]}")
+        self._say(f"the hand moves, {names(self.laws)[trial.mode]}")
         try:
             fixture.hand_moves(trial)
             begin_ns = self.clock.now_ns()
@@ -511,7 +520,8 @@ class LiveStand:
             ("linearization", "linearization", AMPLIFIER, trial.linearization,
              (load_linearization, default_linearization)),
         ]  # fmt: skip
-        if trial.mode in (FRICTION_COMPENSATION, COMBINED):
+        law = law_of(trial.mode, self.laws)
+        if law is not None and FRICTION in law.variants[trial.mode].uses:
             kinds.append(("friction", "friction model", CONTROLLER, trial.friction,
                           (load_friction_model, thesis_friction)))  # fmt: skip
         for what, text, node, wanted, sources in kinds:
@@ -531,13 +541,26 @@ class LiveStand:
 # What a trial is made of --------------------------------------------------------------------
 
 
-def name_of(trial: Trial) -> str:
-    """Return a name for a trial's bag."""
+def name_of(trial: Trial, laws: tuple[Law, ...] = LAWS) -> str:
+    """Return a name for a trial's bag; laws: of the controller."""
     if isinstance(trial, TorqueTrial):
         return f"torque_{trial.frequency:.3g}Hz_{trial.amplitude:g}Nm"
     if isinstance(trial, StageTrial):
         return f"stage_{1e3 * trial.speed:+g}mm_s"
-    return f"motion_{names()[trial.mode].lower()}" if isinstance(trial, MotionTrial) else "other"
+    if isinstance(trial, MotionTrial):
+        return f"motion_{names(laws)[trial.mode].lower()}"
+    return "other"
+
+
+def laws_of_controller(paths: Sequence[str]) -> tuple[Law, ...]:
+    """Return the laws that the controller runs. Raises NotPossible for one that is not here."""
+    try:
+        return loaded(paths)
+    except SettingError as error:
+        raise NotPossible(
+            f"{error}: {CONTROLLER} runs it, and characterize must import it too: start both with "
+            "the same PYTHONPATH"
+        ) from None
 
 
 def excitation_of(trial: TorqueTrial, rate: float) -> Excitation:

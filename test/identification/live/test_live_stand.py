@@ -262,7 +262,8 @@ class StillRobot:
         self.watch = lambda: None
 
     def parameters(self, node, names):
-        own = {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True, "module_serial": "ARM-0007"}
+        own = {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True, "module_serial": "ARM-0007",
+               "laws": [""]}
         return {name: own[name] for name in names}
 
     def enable(self, on=True):
