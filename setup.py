@@ -55,7 +55,10 @@ setup(
         "simulation": SIMULATION,
         "experiments": EXPERIMENTS,
         "cluster": ["distributed"],  # study --scheduler
-        "test": ["durand", "hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout"],
+        "test": [
+            "durand", "hypothesis", "ipykernel", "mcap-ros2-support", "nbclient", "nbformat",
+            "pytest", "pytest-timeout",
+        ],
     },
     entry_points={
         "console_scripts": EXECUTABLES,

@@ -55,8 +55,14 @@ def page() -> str:
         "# The thesis's contents",
         "",
         filled("Made of `docs/thesis.yaml` by `test/test_thesis_contents.py`: do not edit. *done*: "
-               "in code and report; *part*: some of it; *no*: nothing. Names without a folder are "
-               "experiments of `make reproduce`; *figures*: drawn again, of the section's."),
+               "in code and report, or in a notebook below `docs/thesis/`; *part*: some of it; "
+               "*no*: nothing. Names without a folder are experiments of `make reproduce`; "
+               "*figures*: drawn again, of the section's."),
+        "",
+        filled("The notebooks are stored without output: [appendix A](thesis/appendix_a.ipynb), "
+               "[appendix D](thesis/appendix_d.ipynb), [Table 5.1](thesis/table_5_1.ipynb). "
+               "`tools/run python tools/notebooks.py` runs them and leaves them with their output "
+               "in `build/thesis/`."),
         "",
         filled(f"{headline()} (by chapter: {by_chapter}). The others are photographs, sketches, "
                "bond graphs and block diagrams. Tables: "
@@ -103,11 +109,14 @@ WITH_FIGURES = [row for row in ROWS if row.get("drawn")]
 
 
 @pytest.mark.parametrize("row", WITH_FIGURES, ids=lambda row: row["section"])
-def test_a_figure_that_counts_is_drawn_by_an_experiment_of_its_row(row):
+def test_a_figure_that_counts_is_drawn_by_an_experiment_or_a_notebook_of_its_row(row):
     sources = [inspect.getsource(inspect.getmodule(EXPERIMENTS[name].run))
-               for name in row["experiments"]]  # fmt: skip
+               for name in listed(row, "experiments")]  # fmt: skip
+    books = [(ROOT / name).read_text("utf-8") for name in listed(row, "files")
+             if name.endswith(".ipynb")]  # fmt: skip
     for figure in row["drawn"]:
-        assert any(f'"{figure}"' in source for source in sources), figure
+        drawn = any(f'"{figure}"' in source for source in sources)
+        assert drawn or any(f"Fig. {figure}: " in book for book in books), figure
 
 
 def test_every_figure_of_the_thesis_stands_once():

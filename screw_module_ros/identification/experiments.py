@@ -9,10 +9,7 @@ from ..settings import read
 from ..settings_file import parse
 from . import (
     amplifier_response,
-    back_drive,
     calibration,
-    compliant_mounting,
-    component_masses,
     current_response,
     delivered_impedance,
     force_error,
@@ -44,7 +41,6 @@ EXPERIMENTS: dict[str, Experiment] = {
         force_error.EXPERIMENT, planar_error.EXPERIMENT, planar_stability.EXPERIMENT,
         stability.EXPERIMENT, delivered_impedance.EXPERIMENT, planar_impedance.EXPERIMENT,
         force_position.COMPENSATION, force_error.ROBUSTNESS, calibration.EXPERIMENT,
-        compliant_mounting.EXPERIMENT, component_masses.EXPERIMENT, back_drive.EXPERIMENT,
         requirements.EXPERIMENT,
     )
 }  # fmt: skip

@@ -208,6 +208,13 @@ GROUPS = {
 """Groups of compared figures, with the titles of their tables."""
 
 
+ELSEWHERE = (
+    "Appendices A and D and Table 5.1 are calculated in notebooks of the repository: "
+    "appendix_a.ipynb, appendix_d.ipynb and table_5_1.ipynb of docs/thesis."
+)
+"""What the thesis calculates without a trial, and where that is."""
+
+
 class Report(NamedTuple):
     """What a run found on its modules, the thesis's first."""
 
@@ -297,7 +304,7 @@ class Report(NamedTuple):
             title = "rms [N]: not calibrated / calibrated / changed since"
             found.append(shown(title, robustness_head(self.modules), changed))
         found.append("\n".join(f"missed: {miss.text}" for miss in self.misses) or "Nothing missed.")
-        return [*found, f"{self.headline}."]
+        return [*found, ELSEWHERE, f"{self.headline}."]
 
 
 def compared_rows(

@@ -48,6 +48,7 @@ _SOURCES = Path(__file__).resolve().parents[1]
 _MADE_OF = ("plant", "control", "control/laws", "identification", "calibration", ".")
 _ONLY_SHOWN = (
     "page.py", "report.py", "coverage.py", "reproduce.py", "figures.py", "figure_style.py",
+    "drawing.py",
 )  # fmt: skip
 
 

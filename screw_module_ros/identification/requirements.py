@@ -22,11 +22,11 @@ from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, fields
 from ..thesis import fact, figure
 from . import (
-    back_drive,
     delivered_impedance,
     friction_model,
     gravity,
     planar_impedance,
+    planar_inertia,
 )
 from .figures import COLOURS, CREDIT, DESIRED, panels
 from .force_metric import apparent_mass
@@ -141,7 +141,7 @@ REQUIREMENTS = {
     ),
     "back_friction": Requirement(
         "friction coefficient that still lets the nut turn the screw (eq 5)", "",
-        "driven from both sides (2.3)", "d_mu_roller", True, why="arithmetic of `back_drive`",
+        "driven from both sides (2.3)", "d_mu_roller", True, why="arithmetic",
     ),
     "design_factor": Requirement(
         "design factor of the planar links with the module", "", "4.4 (2.2.4)",
@@ -164,11 +164,11 @@ REQUIREMENTS = {
     "plane_bare_inertia": Requirement(
         "inertia of the plane without the module, heaviest direction", "kg", "not measured",
         "d_planar_inertia",
-        why="calculation of `back_drive`, whose inertias were chosen by this figure",
+        why="calculation, whose inertias were chosen by this figure",
     ),
     "plane_anisotropy": Requirement(
         "anisotropy of the plane without the module", "", "1.23 to 1.53 by design (D)",
-        "d_anisotropy_limit", built=figure("d_anisotropy", 1), why="calculation of `back_drive`",
+        "d_anisotropy_limit", built=figure("d_anisotropy", 1), why="calculation",
     ),
     "plane_viscous": Requirement(
         "frequency to which the impedance in the plane is mainly viscous", "Hz", "not measured",
@@ -248,11 +248,35 @@ class Row(NamedTuple):
         return "; ".join(f"{verdict}: {', '.join(ways)}" for verdict, ways in by.items())
 
 
+def back_friction() -> float:
+    """Return the greatest friction coefficient at which the nut still turns the screw (eq 5).
+
+    tan(lead angle) cos(thread angle) at the effective diameter, with the flanks of the groove of
+    3.1.1. `docs/thesis/appendix_d.ipynb` has the rest of appendix D's screw.
+    """
+    lead = figure("lead") / (math.pi * figure("effective_screw_diameter"))
+    flank = (figure("groove_width_outer") - figure("groove_width_inner")) / (
+        figure("screw_diameter") - figure("screw_inner_diameter")
+    )
+    return lead * math.cos(math.atan(flank * math.cos(math.atan(lead))))
+
+
+def bare_plane() -> tuple[float, float]:
+    """Return the largest inertia [kg] and anisotropy of the plane without the module.
+
+    Over the workspace of 2.1.1, with the joint inertias derived from appendix D.
+    """
+    sides = figure("workspace_width") / 2.0, figure("workspace_depth") / 2.0
+    inertia = np.array([planar_inertia.tensor(*point) for point in planar_inertia.grid(*sides, 41)])
+    greatest = float(np.linalg.eigvalsh(inertia)[:, 1].max())
+    return greatest, float(planar_inertia.anisotropy(inertia).max())
+
+
 def run(lab: Lab, settings: Settings) -> Result:
     """Set what was asked beside what other experiments found. Raises MissingResult."""
     handle, plane = lab.result(delivered_impedance.NAME), lab.result(planar_impedance.NAME)
     weight = lab.result(gravity.NAME)
-    drive = lab.result(back_drive.NAME)
+    bare, anisotropy = bare_plane()
     module: Any = lab.stand  # a simulated one: there is no other with the plane's results
     model = friction_model.friction_model_of(lab.result(friction_model.NAME))
     limits, planar = CommandLimits(), fields(PlanarSettings)
@@ -272,13 +296,13 @@ def run(lab: Lab, settings: Settings) -> Result:
         "backlash": {_MACHINE: weight.value("play")},
         "off_axis_moment": {_MACHINE: settings.lateral_force * settings.handle_offset},
         "off_axis_force": {_MACHINE: settings.lateral_force},
-        "back_friction": {_MACHINE: drive.value("back_friction_limit")},
+        "back_friction": {_MACHINE: back_friction()},
         "design_factor": {_MACHINE: _DESIGN * settings.end_load / settings.laden_load},
-        "linear_motor": {_MACHINE: drive.value("major_axis_bare") + settings.linear_motor},
+        "linear_motor": {_MACHINE: bare + settings.linear_motor},
         "plane_inertia": _by(PLANE, plane, "inertia_most_{}"),
         "plane_friction": _by(PLANE, plane, "friction_most_{}"),
-        "plane_bare_inertia": {_MACHINE: drive.value("major_axis_bare")},
-        "plane_anisotropy": {_MACHINE: drive.value("anisotropy_greatest")},
+        "plane_bare_inertia": {_MACHINE: bare},
+        "plane_anisotropy": {_MACHINE: anisotropy},
         "plane_viscous": _by(PLANE, plane, "viscous_to_{}"),
         "plane_sine": {_MACHINE: plane.value("inertia_most_none") * 0.5 * settings.sine_way
                        * (2.0 * math.pi * settings.sine_frequency) ** 2},
@@ -429,6 +453,5 @@ def _over(wanted: Requirement, value: float) -> float:
 EXPERIMENT = Experiment(
     NAME, "what chapter 2 and appendix D asked, beside the thesis's machine and ours: no trials",
     Settings, run, draw, NOTHING,
-    (delivered_impedance.NAME, planar_impedance.NAME, gravity.NAME, back_drive.NAME,
-     friction_model.NAME),
+    (delivered_impedance.NAME, planar_impedance.NAME, gravity.NAME, friction_model.NAME),
 )  # fmt: skip

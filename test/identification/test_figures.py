@@ -19,7 +19,6 @@ ON_THE_MODULE = {
     "compensation": {"cycles": 1.0},
     "robustness": {"cases": ("small",)},
     "planar_impedance": {"frequencies": (1.0, 4.0)},
-    "back_drive": {},
     "requirements": {},
 }
 """Experiments that formulas cannot stand in for, with settings for a short time. The others are

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each fit and each calculation finds and draws, on benches by formulas: nothing may change.
+"""What each fit finds and draws, on benches by formulas: nothing may change.
 
 Kept are values, uncertainties, and of each line of a figure its label and its mean size, all within
 a thousandth. A change on purpose is renewed with
@@ -24,7 +24,6 @@ SETTINGS = {
     "current_response": {"count": 6}, "torque_response": {"count": 6}, "friction_spectrum": {},
     "friction_map": {"speeds": SPEEDS, "inverted_speeds": SPEEDS[::3]}, "gravity": {},
     "friction_model": {}, "repeatability": {}, "inertia": {"duration": 4.0},
-    "compliant_mounting": {}, "component_masses": {}, "back_drive": {},
 }  # fmt: skip
 SAMPLED = ("current_response", "torque_response")
 SIMULATED = ("static_torque", "amplifier_response")

@@ -9,7 +9,6 @@ from formula_stand import keep, keep_calibration
 
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.identification import (
-    back_drive,
     delivered_impedance,
     planar_impedance,
     requirements,
@@ -52,7 +51,6 @@ def found(lab, module, inertia=INERTIA, plane=(6.3, 0.6, 0.6, 0.6)):
     moved = {f"inertia_most_{case}": mass for case, mass in zip(CASES, plane, strict=True)}
     keep(lab.folder, "planar_impedance", **moved, friction_most_none=0.9, friction_most_firm=0.09,
          viscous_to_none=0.0, viscous_to_firm=1.0)  # fmt: skip
-    back_drive.run(lab, back_drive.Settings()).save(lab.folder)
     return requirements.run(lab, requirements.Settings())
 
 

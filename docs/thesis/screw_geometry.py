@@ -14,20 +14,22 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-INERTIA_ACROSS = 0.011125  # [kg m2] thesis: screw_inertia_across
+from screw_module_ros.thesis import figure
+
+INERTIA_ACROSS = figure("screw_inertia_across")
 """Inertia about the centre of mass, across the axis [kg m^2]."""
-STEEL = 7850.0  # ours: of ordinary steel
-"""Density [kg/m^3]."""
-OUTER_DIAMETER = 0.015875  # [m] thesis: screw_diameter
-INNER_DIAMETER = 0.0127  # [m] thesis: screw_inner_diameter
-EFFECTIVE_DIAMETER = 0.0142875  # [m] thesis: effective_screw_diameter
+STEEL = 7850.0
+"""Density of ordinary steel [kg/m^3], ours."""
+OUTER_DIAMETER = figure("screw_diameter", unit="m")
+INNER_DIAMETER = figure("screw_inner_diameter", unit="m")
+EFFECTIVE_DIAMETER = figure("effective_screw_diameter", unit="m")
 """Diameters of the shaft, of the groove's bottom, of the roller's track [m]."""
-GROOVE_AT_INNER = 0.0030  # [m] thesis: groove_width_inner
-GROOVE_AT_OUTER = 0.0040  # [m] thesis: groove_width_outer
+GROOVE_AT_INNER = figure("groove_width_inner", unit="m")
+GROOVE_AT_OUTER = figure("groove_width_outer", unit="m")
 """Width of the groove [m] at the two diameters."""
-LEAD = 0.01905  # [m] thesis: lead
+LEAD = figure("lead", unit="m")
 """Travel of the nut per turn [m]."""
-REFLECTED = 3.25  # [kg] thesis: reflected_screw
+REFLECTED = figure("reflected_screw")
 """Mass that the rotation of the screw reflects to the handle [kg]: inertia, nothing that moves."""
 
 GROOVED, OUTER, EFFECTIVE, TABLE = "grooved", "outer", "effective", "table"
