@@ -9,6 +9,7 @@ stage on the robot, up the screw positive.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator
 
 from ..calibration.module import thesis_friction
 from ..control.friction import friction_force
+from ..geometry import SCREW
 from ..settings import Setting
 from .figures import COLOURS, THESIS_RATE, axes_for, filter_figure, printed
 from .lab import Lab
@@ -82,7 +84,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     (n, 142), NaN for bins not measured. Raises the errors of `Lab.record`.
     """
     speeds = settings.speeds
-    parts = lab.record(NAME, _trials(settings), binned)
+    parts = lab.record(NAME, _trials(settings), partial(binned, screw=lab.stand.screw))
     data = {"speeds": np.array(speeds), "centres": CENTRES_MM}
     for name in MAPS:
         rows = [parts.get(_trial_name(name, speed)) for speed in speeds]
@@ -212,7 +214,7 @@ def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quant
 def draw(result: Result) -> Drawn:
     """Return the figures by number; those upside down only if measured."""
     data = result.data
-    taps = lowpass_taps(0.025, THESIS_RATE)
+    taps = lowpass_taps(0.025, THESIS_RATE, SCREW)
     found = {
         "5-9": filter_figure(taps, "Fig. 5-9: optimal low-pass for 25 mm/s"),
         "5-13": _all_speeds(data),

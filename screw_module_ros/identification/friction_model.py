@@ -24,7 +24,6 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from ..calibration.module import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
-from ..geometry import SCREW
 from ..settings import Setting
 from . import friction_map, gravity
 from .figures import COLOURS, axes_for, panels, printed
@@ -55,7 +54,6 @@ NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml
 PARAMETERS = TREND + RIPPLE + 3
 # Lowest and highest: exponent, logarithm of the knee [mm/s], slope [s/mm].
 BOUNDS = ((0.0, np.log(1.0), -0.005), (1.0, np.log(20.0), 0.02))
-_LEAD = SCREW.lead * 1e3  # [mm]
 _PHASES = np.arange(36) * (np.pi / 36.0)  # phases beyond pi equal a negative amplitude
 _FLIPS = np.arange(20.0, 336.0, BIN_MM)  # [mm]
 _FEWEST_BINS = 30  # four turns of the screw; with 20 the fit is off by 20 N between the bins
@@ -94,7 +92,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     weight = weighed.value("gravity")
     speeds, z = maps["speeds"] * 1e3, maps["centres"]
     friction = (maps["up"] - weight, maps["down"] - weight)
-    model, error = fit_maps(z, speeds, friction, weight, settings)
+    lead = 1e3 * lab.stand.screw.lead
+    model, error = fit_maps(z, speeds, friction, weight, lead, settings)
     data = {"centres": z, "speeds": speeds, **_as_data(model)}
     for direction, _ in DIRECTIONS:
         data[f"force_{direction}"] = maps[direction]
@@ -284,14 +283,15 @@ def _powers(coefficients: np.ndarray, low: float, high: float, count: int) -> np
 
 def fit_maps(
     z: np.ndarray, speeds: np.ndarray, maps: tuple[np.ndarray, np.ndarray], gravity: float,
-    settings: Settings,
+    lead: float, settings: Settings,
 ) -> tuple[FrictionModel, float]:  # fmt: skip
     """Fit both directions together; return the model and the standard error of its phase [rad].
 
     z: bins [mm]; speeds [mm/s]; maps: friction up and down [N], up the screw positive, (speeds,
-    bins), NaN for cells not measured; gravity [N]. Raises ValueError for too few cells.
+    bins), NaN for cells not measured; gravity [N]; lead: of the screw [mm]. Raises ValueError for
+    too few cells.
     """
-    low, high = reach = _common_range(z, maps)
+    low, high = reach = _common_range(z, maps, lead)
     inside = (z > low) & (z < high)
     means, cells = [], []
     for (direction, _), whole in zip(DIRECTIONS, maps, strict=True):
@@ -303,17 +303,17 @@ def fit_maps(
             )
         means.append(_cells(z[inside], np.zeros(1), _mean_curve(force)[None, :], reach))
         cells.append(_cells(z[inside], speeds, force, reach))
-    phase, flips = _shape(means, settings.flip_gain)
-    best, found = flips, _refined(cells, flips, phase)
+    phase, flips = _shape(means, lead, settings.flip_gain)
+    best, found = flips, _refined(cells, lead, flips, phase)
     for branch, flip in enumerate(flips):
         for near in (flip - BIN_MM, flip + BIN_MM) if flip != NO_FLIP else ():
             other = (near, best[1]) if branch == 0 else (best[0], near)
-            tried = _refined(cells, other, phase)
+            tried = _refined(cells, lead, other, phase)
             if tried.cost < found.cost:
                 best, found = other, tried
     phase, numbers = float(found.x[0]), np.split(found.x[1:], 2)
     places = [
-        _place(c, fit_factor(own, c.speed), phase, flip)[0]
+        _place(c, lead, fit_factor(own, c.speed), phase, flip)[0]
         for c, own, flip in zip(cells, numbers, best, strict=True)
     ]
     # A ripple shifted by half a cycle with negated amplitude is the same ripple: the upward one
@@ -327,13 +327,15 @@ def fit_maps(
         for place, flip, own in zip(places, best, numbers, strict=True)
     )
     model = FrictionModel(
-        low, high, float(speeds.max()), settings.ramp_speed * 1e3, _LEAD,
+        low, high, float(speeds.max()), settings.ramp_speed * 1e3, lead,
         float(np.angle(np.exp(1j * turned))), gravity, up, down,
     )  # fmt: skip
     return model, float(np.sqrt(covariance[0, 0]))
 
 
-def _common_range(z: np.ndarray, maps: tuple[np.ndarray, np.ndarray]) -> tuple[float, float]:
+def _common_range(
+    z: np.ndarray, maps: tuple[np.ndarray, np.ndarray], lead: float
+) -> tuple[float, float]:
     """Return the range of heights that was measured in both directions [mm].
 
     Outside its bins, and in a wide gap between them, a polynomial of 7th order can be anything.
@@ -343,11 +345,11 @@ def _common_range(z: np.ndarray, maps: tuple[np.ndarray, np.ndarray]) -> tuple[f
     first, last = max(bins[0] for bins in there), min(bins[-1] for bins in there)
     for (direction, _), bins in zip(DIRECTIONS, there, strict=True):
         bins = bins[(bins >= first) & (bins <= last)]
-        if len(bins) < _FEWEST_BINS or np.diff(bins).max() > _LEAD:
+        if len(bins) < _FEWEST_BINS or np.diff(bins).max() > lead:
             raise ValueError(
                 f"the map {direction} does not determine the model's form: {len(bins)} bins in the "
                 f"range of both maps, {_FEWEST_BINS} are needed, without a gap of more than "
-                f"{_LEAD:g} mm: measure more"
+                f"{lead:g} mm: measure more"
             )
     return float(first) - 0.5 * BIN_MM, float(last) + 0.5 * BIN_MM
 
@@ -373,11 +375,14 @@ def _mean(values: np.ndarray, axis: int) -> np.ndarray:
     return np.where(count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.nan)
 
 
-def _shape(means: list[_Cells], flip_gain: float) -> tuple[float, tuple[float, float]]:
+def _shape(
+    means: list[_Cells], lead: float, flip_gain: float
+) -> tuple[float, tuple[float, float]]:
     """Find phase [rad] and flips [mm] on the mean curves: linear fits over a grid of both."""
     candidates = (NO_FLIP, *_FLIPS)
     errors = np.array(
-        [[[_misfit(m, phase, flip) for flip in candidates] for phase in _PHASES] for m in means]
+        [[[_misfit(m, lead, phase, flip) for flip in candidates] for phase in _PHASES]
+         for m in means]
     )  # (direction, phase, flip)
     plain, turned = errors[:, :, 0], errors[:, :, 1:].min(axis=2)
     worth = turned.min(axis=1) < (1.0 - flip_gain) * plain.min(axis=1)
@@ -389,16 +394,16 @@ def _shape(means: list[_Cells], flip_gain: float) -> tuple[float, tuple[float, f
     return float(_PHASES[at]), (up, down)
 
 
-def _misfit(mean: _Cells, phase: float, flip: float) -> float:
-    left = _place(mean, np.ones(1), phase, flip)[1]
+def _misfit(mean: _Cells, lead: float, phase: float, flip: float) -> float:
+    left = _place(mean, lead, np.ones(1), phase, flip)[1]
     return float(left @ left)
 
 
 def _place(
-    cells: _Cells, factor: np.ndarray, phase: float, flip: float
+    cells: _Cells, lead: float, factor: np.ndarray, phase: float, flip: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the best coefficients of trend and ripple for a speed factor, and the residual [N]."""
-    ripple = ripple_phase(cells.z, _LEAD, phase, flip)
+    ripple = ripple_phase(cells.z, lead, phase, flip)
     terms = np.hstack((cells.trend, cells.trend[:, :RIPPLE] * ripple[:, None]))
     terms *= factor[:, None]
     # Chebyshev polynomials are nearly orthogonal: the normal equations are well conditioned.
@@ -407,14 +412,14 @@ def _place(
 
 
 def _refined(
-    cells: list[_Cells], flips: tuple[float, float], phase: float
+    cells: list[_Cells], lead: float, flips: tuple[float, float], phase: float
 ) -> OptimizeResult:
     """Refine the phase and both speed factors, x = (phase, 3 numbers up, 3 down)."""
 
     def beyond(x: np.ndarray) -> np.ndarray:
         return np.concatenate(
             [
-                _place(c, fit_factor(numbers, c.speed), x[0], flip)[1]
+                _place(c, lead, fit_factor(numbers, c.speed), x[0], flip)[1]
                 for c, numbers, flip in zip(cells, np.split(x[1:], 2), flips, strict=True)
             ]
         )

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import detrend, find_peaks, periodogram
 
+from ..geometry import Screw
 from ..settings import Setting
 from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
@@ -62,10 +64,10 @@ def run(lab: Lab, settings: Settings) -> Result:
         direction: stage_run(sign * float(settings.speed), settings.low, settings.high)
         for direction, sign in DIRECTIONS
     }
-    parts = lab.record(NAME, trials, spectrum)
+    parts = lab.record(NAME, trials, partial(spectrum, screw=lab.stand.screw))
     data: dict[str, np.ndarray] = {}
     quantities, notes = [], []
-    turn = turn_rate_hz(settings.speed)
+    turn = turn_rate_hz(settings.speed, lab.stand.screw)
     for direction, _ in DIRECTIONS:
         frequency, amplitude = parts[direction]["frequency"], parts[direction]["amplitude"]
         found = modes(frequency, amplitude, turn)
@@ -92,9 +94,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, beside(THESIS, quantities), settings._asdict(), tuple(notes), data)
 
 
-def spectrum(trial: StageTrial, samples: Samples) -> Part:
+def spectrum(trial: StageTrial, samples: Samples, screw: Screw) -> Part:
     """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, without trend."""
-    force = detrend(samples.force[steady_part(trial, samples)])
+    force = detrend(samples.force[steady_part(trial, samples, screw)])
     frequency, power = periodogram(
         force, fs=1.0 / period_of(samples), window="hann", scaling="spectrum"
     )

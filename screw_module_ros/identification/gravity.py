@@ -25,7 +25,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..geometry import counts_to_height
+from ..geometry import Screw, counts_to_height
 from ..settings import Setting
 from . import friction_map
 from .figures import COLOURS, DESIRED, axes_for
@@ -194,14 +194,14 @@ def _across(
     )
     way = (_INNER[1] - _INNER[0]) * float(np.median([c.width for pair in seen for c in pair]))
     counted = bounded("half a count of the encoder in the way across the play",
-                      0.5 * counts_to_height(1) / way * rubs.slope)  # fmt: skip
+                      0.5 * counts_to_height(1, lab.stand.screw) / way * rubs.slope)  # fmt: skip
     quantities = [
         from_sources("gravity", halves.level, sources, "N", "weight, across the play"),
         from_sources("guide", rubs.level, (rubs.level_error,), "N",
                      "friction of guide and cable, on the handle's side of the play"),
         from_sources("film", rubs.slope, (rubs.slope_error, counted), "N s/m",
                      "drag of the grease film"),
-        _play(seen, rubs.level),
+        _play(seen, rubs.level, lab.stand.screw),
     ]  # fmt: skip
     if np.isnan(rubs.slope):
         notes.append("One speed only: the friction of the guide includes the film's drag.")
@@ -319,7 +319,9 @@ def rubbing(seen: list[tuple[Crossing, Crossing]]) -> Line:
     return line._replace(slope=1e3 * line.slope, slope_error=slope)
 
 
-def _play(seen: list[tuple[Crossing, Crossing]], guide: float) -> Quantity:
+def _play(
+    seen: list[tuple[Crossing, Crossing]], guide: float, screw: Screw
+) -> Quantity:
     """Return the play [m] at speed zero, by a line over the speed; guide: its friction [N].
 
     Only the ways back count: the stage has pushed the nut before, so that both contacts are loaded,
@@ -341,7 +343,7 @@ def _play(seen: list[tuple[Crossing, Crossing]], guide: float) -> Quantity:
         bounded("twice the guide's friction, on its way to slip, on the contact that is left",
                 2.0 * guide * compliance),
         bounded("half a count of the encoder: the nut moves by few while a contact is unloaded",
-                0.5 * counts_to_height(1)),
+                0.5 * counts_to_height(1, screw)),
     )  # fmt: skip
     return from_sources("play", line.level, sources, "m", "backlash between nut and handle")
 

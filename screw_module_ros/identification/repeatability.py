@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -45,7 +46,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         run = stage_run(sign * float(settings.speed), settings.low, settings.high)
         again = run._replace(start=run.start + sign * settings.apart)
         trials |= {f"{direction}_1": run, f"{direction}_2": again}
-    parts = lab.record(NAME, trials, binned)
+    parts = lab.record(NAME, trials, partial(binned, screw=lab.stand.screw))
     data = {"centres": CENTRES_MM}
     quantities: list[Quantity] = []
     for direction, _ in DIRECTIONS:

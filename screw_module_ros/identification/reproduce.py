@@ -19,6 +19,7 @@ from ..calibration.module import THESIS_FILE
 from ..calibration.version import law_version
 from ..control.law import Law
 from ..control.laws import LAWS, loaded, variants
+from ..geometry import Screw
 from ..plant.settings import load_world
 from ..resources import resource_path
 from ..settings import SettingError
@@ -177,7 +178,8 @@ def examine(
     world, loop = load_world(plant, seed), LoopSettings()
     name = "thesis" if seed is None else f"seed_{seed}"
     wanted = experiments or (EXPERIMENTS if seed is None else ON_EVERY_MODULE)
-    stand = SimulatedStand(world, loop, seed=1 if seed is None else seed, laws=laws)
+    screw = Screw(world.vertical.lead)
+    stand = SimulatedStand(world, loop, 1 if seed is None else seed, laws, screw)
 
     def progress(doing: str, done: float, total: float) -> None:
         on_progress(name, doing, done / total if total else 1.0)

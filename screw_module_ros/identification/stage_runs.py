@@ -15,7 +15,7 @@ import functools
 import numpy as np
 from scipy.signal import freqz, oaconvolve, remez
 
-from ..geometry import SCREW, counts_to_height
+from ..geometry import Screw, counts_to_height
 from .lab import Part
 from .trials import Samples, StageTrial
 
@@ -29,30 +29,29 @@ SETTLE_S = 0.03  # three time constants of the load's lag, at steady speed
 _DECADE = 10.0  # thesis: map_filter
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
-_COUNT = counts_to_height(1)  # [m]
 _SAME_LEAD, _NO_LEAD = 0.01, 0.6
 """Difference of speeds that a positioning stage never has, and one that no screw explains."""
 _LEAST_SHARE = 0.3  # share of a bin's nominal samples; a bin with fewer counts as not measured
 LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
 
 
-def turn_rate_hz(speed: float) -> float:
+def turn_rate_hz(speed: float, screw: Screw) -> float:
     """Return the screw's rotation rate [Hz] at a speed [m/s] of the nut."""
-    return abs(speed) / SCREW.lead
+    return abs(speed) / screw.lead
 
 
-def lowpass_taps(speed: float, rate: float) -> np.ndarray:
+def lowpass_taps(speed: float, rate: float, screw: Screw) -> np.ndarray:
     """Return the filter's coefficients for a stage speed [m/s] and sample rate [1/s].
 
     Raises ValueError when the rate is too low for the speed.
     """
-    cutoff = cutoff_hz(speed)
+    cutoff = cutoff_hz(speed, screw)
     return optimal_lowpass(cutoff, cutoff + DONT_CARE_HZ, rate)
 
 
-def cutoff_hz(speed: float) -> float:
+def cutoff_hz(speed: float, screw: Screw) -> float:
     """Return the filter's cutoff [Hz], a decade above the rotation rate at a stage speed [m/s]."""
-    return max(_DECADE * turn_rate_hz(speed), _LOWEST_CUTOFF_HZ)
+    return max(_DECADE * turn_rate_hz(speed, screw), _LOWEST_CUTOFF_HZ)
 
 
 @functools.lru_cache(maxsize=64)
@@ -91,11 +90,12 @@ def zero_phase(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return oaconvolve(np.pad(values, half, mode="reflect"), taps, mode="valid")
 
 
-def steady_part(trial: StageTrial, samples: Samples) -> slice:
+def steady_part(trial: StageTrial, samples: Samples, screw: Screw) -> slice:
     """Return the samples of a run in which the nut moves at the stage's speed.
 
     The reference is a line with the stage's speed through the middle half of the positions. The
-    steady part stays within a few counts of it and begins `SETTLE_S` later.
+    steady part stays within a few counts of it and begins `SETTLE_S` later. screw: for which the
+    encoder is set.
     Raises ValueError if the nut does not move at the stage's speed; if it moves evenly at another
     one, the message names the lead that explains it.
     """
@@ -107,15 +107,16 @@ def steady_part(trial: StageTrial, samples: Samples) -> slice:
     behind = position - trial.speed * time
     behind = behind - behind[middle].mean()
     spread = behind[middle].std()
-    allowed = 4.0 * spread + 2.0 * _COUNT
+    allowed = 4.0 * spread + 2.0 * counts_to_height(1, screw)
     slope, shift = np.polyfit(time[middle], position[middle], 1)
     own = (position[middle] - slope * time[middle] - shift).std()
     if _SAME_LEAD < abs(slope / trial.speed - 1.0) < _NO_LEAD and own < 0.1 * spread:
         raise ValueError(
             f"the encoder shows {1e3 * slope:.4g} mm/s where the stage moves at "
             f"{1e3 * trial.speed:g} mm/s: the screw has a lead of "
-            f"{1e3 * SCREW.lead * trial.speed / slope:.2f} mm, encoder and amplifier take "
-            f"{1e3 * SCREW.lead:g} mm for granted; every height and force is wrong by the ratio"
+            f"{1e3 * screw.lead * trial.speed / slope:.2f} mm, encoder and amplifier are set for "
+            f"{1e3 * screw.lead:g} mm (parameter lead): every height and force is wrong by the "
+            "ratio"
         )
     if spread > 0.5e-3:
         raise ValueError(
@@ -134,17 +135,17 @@ def period_of(samples: Samples) -> float:
     return float(samples.time[-1] - samples.time[0]) / (len(samples.time) - 1)
 
 
-def binned(trial: StageTrial, samples: Samples) -> Part:
-    """Reduce a stage run to its bins; for `Lab.record`.
+def binned(trial: StageTrial, samples: Samples, screw: Screw) -> Part:
+    """Reduce a stage run to its bins; for `Lab.record`, with the bench's screw.
 
     Returns arrays of 142: `force` mean along z [N], NaN in a bin that was not measured; `count` of
     samples; `error` standard error of the mean from the sensor's noise [N].
     Raises ValueError without a steady part.
     """
     period = period_of(samples)
-    steady = steady_part(trial, samples)
+    steady = steady_part(trial, samples, screw)
     raw = samples.force[steady]
-    smooth = zero_phase(raw, lowpass_taps(trial.speed, 1.0 / period))
+    smooth = zero_phase(raw, lowpass_taps(trial.speed, 1.0 / period, screw))
     place = np.floor(samples.position[steady] * (1e3 / BIN_MM)).astype(int)
     inside = (place >= 0) & (place < BINS)
     count = np.bincount(place[inside], minlength=BINS)

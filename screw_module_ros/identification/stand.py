@@ -30,7 +30,7 @@ from ..control.linearization import IDENTITY, default_linearization
 from ..control.torque_chain import TorqueChain
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
-from ..geometry import COUNTS_PER_TURN, counts_to_height
+from ..geometry import COUNTS_PER_TURN, SCREW, Screw, counts_to_height
 from ..plant.instruments import CurrentSensorState, analyzed, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
 from ..plant.patient import HandPath, arm_force, held_up, resting
@@ -105,7 +105,8 @@ class SimulatedStand:
     seed: of the noise and of the transducer's zeros. A command acts after a whole number of
     substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
     laws: of others, as `control.laws.load` takes them; their modes are for MotionTrials, with the
-    laws' default settings.
+    laws' default settings. screw: for which encoder and amplifier are set, which may be another
+    one than the module has.
     """
 
     offers = frozenset({*WAYS_OUT, TRUTH})
@@ -118,19 +119,21 @@ class SimulatedStand:
         loop: LoopSettings | None = None,
         seed: int = 1,
         laws: tuple[str, ...] = (),
+        screw: Screw = SCREW,
     ):
         self.world = world
         self.loop = validated(loop or LoopSettings())
         self.rate = self.loop.rate
-        digest = hashlib.sha256(repr((world, self.loop)).encode()).hexdigest()[:10]
+        made_of = (world, self.loop) if screw == SCREW else (world, self.loop, screw)
+        digest = hashlib.sha256(repr(made_of).encode()).hexdigest()[:10]
         self.name = f"in process, seed {seed}, {digest}"
-        self.seed = seed
+        self.seed, self.screw = seed, screw
         self._thesis = thesis_friction()
         self._paths, self.laws = laws, loaded(laws)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let worker processes have one stand each for many trials."""
-        return _stand_of_process, (self.world, self.loop, self.seed, self._paths)
+        return _stand_of_process, (self.world, self.loop, self.seed, self._paths, self.screw)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
@@ -227,7 +230,8 @@ class SimulatedStand:
                 own.drift[5], own.drift_time, loop.force_counts, loop.torque_counts,
             ),
             chain=TorqueChain(
-                CommandLimits(loop.command_up, loop.command_down), rated_torque=loop.rated_torque
+                CommandLimits(loop.command_up, loop.command_down), screw=self.screw,
+                rated_torque=loop.rated_torque,
             ),
             amperes=1.0 / loop.torque_constant,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
@@ -287,7 +291,8 @@ class SimulatedStand:
         vertical = self.world.vertical
         if params.fixture != LOCKED_ROTOR:
             state = state._replace(module=resting_state(vertical, params.centre, params.upright))
-        shown = counts_to_height(math.floor(params.centre / vertical.lead * COUNTS_PER_TURN))
+        count = math.floor(params.centre / vertical.lead * COUNTS_PER_TURN)
+        shown = counts_to_height(count, self.screw)
         return state._replace(ticks=0, motion=velocity_settled(shown))
 
     def _ticks(
@@ -308,9 +313,9 @@ class SimulatedStand:
 
 @functools.lru_cache(maxsize=1)
 def _stand_of_process(
-    world: WorldSettings, loop: LoopSettings, seed: int, laws: tuple[str, ...]
+    world: WorldSettings, loop: LoopSettings, seed: int, laws: tuple[str, ...], screw: Screw
 ) -> SimulatedStand:
-    return SimulatedStand(world, loop, seed, laws)
+    return SimulatedStand(world, loop, seed, laws, screw)
 
 
 def asked_for(quiet: LoopParams, trial: LoopTrial) -> LoopParams:

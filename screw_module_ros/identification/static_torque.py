@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
 from ..control.linearization import SMALLEST_JOINT, Line, Linearization, torque_command
-from ..geometry import torque_to_force
+from ..geometry import Screw, torque_to_force
 from ..settings import Setting, validated
 from .figures import COLOURS, axes_for, printed
 from .lab import Lab, Part
@@ -108,7 +108,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         "linear_torque": linear["torque"],
     }
     quantities = (
-        _largest(linear, fit, settings)
+        _largest(linear, fit, settings, lab.stand.screw)
         + _asymptotes(torque, command, settings, fewer, real)
         + _check(raw, desired, linear["torque"])
         + _found(fit)
@@ -233,13 +233,15 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
     )  # fmt: skip
 
 
-def _largest(linear: Part, fit: Pieces, settings: Settings) -> tuple[Quantity, ...]:
+def _largest(
+    linear: Part, fit: Pieces, settings: Settings, screw: Screw
+) -> tuple[Quantity, ...]:
     torque, command = _smoothed(linear, settings)
     off = float(np.abs(torque - desired_torque(fit.linearization, command)).max())
     return (
         Quantity("largest_left", off, math.nan, "Nm",
                  "largest difference of smoothed torque from desired torque, linearized"),
-        Quantity("largest_at_handle", torque_to_force(off), math.nan, "N",
+        Quantity("largest_at_handle", torque_to_force(off, screw), math.nan, "N",
                  "the same as a force at the handle; one step of object 6071 is 0.14 N"),
     )  # fmt: skip
 

@@ -23,6 +23,7 @@ from ..control.law import Law
 from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+from ..geometry import Screw
 from ..plant.patient import RIGID, ArmForce, HandPath, resting
 
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
@@ -253,13 +254,15 @@ class Samples(NamedTuple):
 class Stand(Protocol):
     """Interface of a stand. rate: samples per second [1/s]; name: for reports, another one for
     another module; serial: the module's number as its controller has it, empty if unknown; offers:
-    what trials may need, of `WAYS_OUT` and TRUTH; laws: of this package and of others;
-    law_settings: of laws of others, by the laws' names, where they are not the defaults."""
+    what trials may need, of `WAYS_OUT` and TRUTH; screw: for which encoder and amplifier are set;
+    laws: of this package and of others; law_settings: of laws of others, by the laws' names, where
+    they are not the defaults."""
 
     rate: float
     name: str
     serial: str
     offers: frozenset[str]
+    screw: Screw
     laws: tuple[Law, ...]
     law_settings: Mapping[str, Any]
 

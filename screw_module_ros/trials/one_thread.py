@@ -35,7 +35,7 @@ from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
-from screw_module_ros.geometry import SCREW
+from screw_module_ros.geometry import SCREW, Screw
 from screw_module_ros.loop import gate
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
@@ -193,7 +193,7 @@ class OneThreadRobot:
     """One robot. `tick` is one period; `rows` is what happened.
 
     laws: with those of others; work_ns: processor time that a law counts as used [ns], see
-    `LawRunner`.
+    `LawRunner`; screw: for which encoder and amplifier are set.
     """
 
     def __init__(
@@ -206,6 +206,7 @@ class OneThreadRobot:
         world: WorldSettings | None = None,
         laws: tuple[Law, ...] = LAWS,
         work_ns: Callable[[], int] | None = None,
+        screw: Screw = SCREW,
     ):
         name = uuid.uuid4().hex
         self._buses: list[can.BusABC] = []
@@ -229,14 +230,14 @@ class OneThreadRobot:
         self.ports = {bus: Port(self._bus(f"{name}-{bus}"), clock=self.clock) for bus in BUSES}
         self.home = self.world.settings.start.position
         counting = EncoderSettings(home_position=self.home, **counter.simulated.parameters)
-        self.encoder = Encoder(self.ports["encoder"], counting, profile=counter)
+        self.encoder = Encoder(self.ports["encoder"], counting, screw, profile=counter)
         needed = load(sensor_profile, FORCE_SENSOR).simulated.parameters
         chosen = ForceSensorSettings(profile=sensor_profile, **needed)
         self.force_sensor = force_sensors.driver(
             chosen, lambda *_claims: self.ports["force_sensor"], self.clock
         )
         drive = (drive or DriveSettings())._replace(**profile.simulated.parameters)
-        self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, profile=profile)
+        self.drive = Drive(self.ports["drive"], drive, per_turn=screw.lead, profile=profile)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
         shoulder, elbow = (
             Drive(
@@ -264,7 +265,7 @@ class OneThreadRobot:
             self.ports["drive"],
             PERIOD_NS,
             PermitSettings(),
-            TorqueChain(linearization=default_linearization()),
+            TorqueChain(screw=screw, linearization=default_linearization()),
         )
         self.plane = Plane(
             self.planar_drives, self.ports["planar"], PERIOD_NS,

@@ -12,6 +12,7 @@ import numpy as np
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control.laws import LAWS
 from screw_module_ros.control.linearization import IDENTITY, Linearization, default_linearization
+from screw_module_ros.geometry import Screw, counts_to_height
 from screw_module_ros.identification import friction_model, sampled
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.static_torque import commands
@@ -24,16 +25,16 @@ from screw_module_ros.identification.trials import (
     TorqueTrial,
 )
 
-COUNT = 0.01905 / 20_000
+COUNT = 0.01905 / 20_000  # of the thesis's screw [m]
 PRESLIDING = 2.5e-6  # of the nut [m/N]
-TURN = 2.0 * np.pi / 0.01905
 
 
 class Module(NamedTuple):
     """Friction against gravity is `friction` + `against` [N], with it without `against`.
 
     rollers: their ripple [N]; guide: friction of the handle's guide, which that friction contains
-    [N]; worn: what the friction grows by from trial to trial [N].
+    [N]; worn: what the friction grows by from trial to trial [N]; lead: of the screw [m], for which
+    the encoder is set too.
     """
 
     weight: float = 10.04
@@ -47,11 +48,13 @@ class Module(NamedTuple):
     mass: float = 5.49
     noise: float = 0.02
     worn: float = 0.0
+    lead: float = 0.01905
 
     def level(self, z, speed, against):
         """Return |friction| [N] at heights z [m] and a speed [m/s]."""
         place = self.friction + 8.0 * z + self.against * against
-        place = place + 1.5 * np.sin(TURN * z + 0.7) + self.rollers * np.sin(4.0 * TURN * z)
+        turn = 2.0 * np.pi / self.lead
+        place = place + 1.5 * np.sin(turn * z + 0.7) + self.rollers * np.sin(4.0 * turn * z)
         return place * (0.9 + 2.5 * speed) + 2.0 * (1.0 - z / 0.18) / (1.0 + (speed / 0.008) ** 2)
 
 
@@ -85,6 +88,7 @@ class FormulaBench:
         self.module, self.motor = module or Module(), motor or Motor()
         self.random = np.random.default_rng(5)
         self.asked: list = []
+        self.screw = Screw(self.module.lead)
 
     def record(self, trial, told) -> Samples:
         """Do a trial."""
@@ -96,7 +100,8 @@ class FormulaBench:
         self.module = self.module._replace(friction=self.module.friction + self.module.worn)
         force = force + self.random.normal(0.0, self.module.noise, len(force))
         nothing = np.zeros_like(time)
-        counted = np.floor(position / COUNT) * COUNT
+        count = counts_to_height(1, self.screw)
+        counted = np.floor(position / count) * count
         return Samples(time, counted, nothing, force, nothing, nothing, nothing)
 
     def _stage(self, trial: StageTrial):

@@ -169,8 +169,11 @@ def another(phase: float, flip: float, weight: float = 9.3):
     )  # fmt: skip
 
 
-def fitted(folder, model, noise=0.1, **kept):
-    """Fit maps of a friction model. kept: the heights that a map has, by name; else all but few."""
+def fitted(folder, model, noise=0.1, module=None, **kept):
+    """Fit maps of a friction model on a module.
+
+    kept: the heights that a map has, by name; else all but few.
+    """
     random = np.random.default_rng(3)
 
     def force(way, upright, z, speed):
@@ -180,7 +183,7 @@ def fitted(folder, model, noise=0.1, **kept):
 
     keep_maps(folder, SPEEDS, force, ("up", "down"))
     keep(folder, gravity.NAME, gravity=model.gravity_N)
-    return friction_model.run(Lab(FormulaBench(), folder), friction_model.Settings())
+    return friction_model.run(Lab(FormulaBench(module), folder), friction_model.Settings())
 
 
 @pytest.mark.parametrize(("phase", "flip"), [(0.385, 212.5), (-2.6, -1.0)])
@@ -200,6 +203,21 @@ def test_the_friction_model_is_found_and_its_file_accepted(tmp_path, phase, flip
     file = tmp_path / "friction.yaml"
     file.write_text(yaml.safe_dump({"format": FRICTION_FORMAT, "version": 1, **plain(model)}))
     assert load_friction_model(file) == model
+
+
+@pytest.mark.parametrize("lead", [0.0127, 0.0254])
+def test_the_ripple_of_another_screw_is_found_by_its_own_lead(tmp_path, lead):
+    """With 19.05 mm taken for granted the fit left the whole ripple."""
+    truth = another(0.385, 212.5)._replace(lead_mm=1e3 * lead)
+    result = fitted(tmp_path, truth, module=Module(lead=lead))
+    model = friction_model_of(result)
+    assert model.lead_mm == pytest.approx(1e3 * lead)
+    assert abs(math.remainder(model.phase_rad - 0.385, 2.0 * math.pi)) < 0.03
+    assert result.value("within") > 0.999
+    assert result.value("rms") == pytest.approx(0.1, rel=0.1)
+    (tmp_path / "taken").mkdir()
+    granted = fitted(tmp_path / "taken", truth)
+    assert granted.value("within") < 0.9 and granted.value("rms") > 5.0 * result.value("rms")
 
 
 def test_the_thesis_s_coefficients_fit_the_thesis_s_module_alone(tmp_path):

@@ -2,11 +2,13 @@
 """A lab keeps finished parts after any interruption; results are read as they were saved."""
 
 import functools
+from functools import partial
 
 import numpy as np
 import pytest
 
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.geometry import SCREW
 from screw_module_ros.identification.lab import Lab, MissingResult, worker_pool
 from screw_module_ros.identification.results import (
     DERIVED,
@@ -109,12 +111,12 @@ def test_progress_counts_what_was_kept(tmp_path, counting):
 def test_pool_gives_what_one_process_gives_and_its_errors(tmp_path, stand):
     trials = dict(list(TRIALS.items())[1:])
     too_short = {"short": StageTrial(0.5, 0.1, 0.1005)}
-    alone = Lab(stand, tmp_path / "alone").record("friction", trials, binned)
+    alone = Lab(stand, tmp_path / "alone").record("friction", trials, partial(binned, screw=SCREW))
     with worker_pool(2) as pool:
         lab = Lab(stand, tmp_path / "shared", pool=pool)
-        shared = lab.record("friction", trials, binned)
+        shared = lab.record("friction", trials, partial(binned, screw=SCREW))
         with pytest.raises(ValueError, match="samples|deviates"):
-            lab.record("friction", too_short, binned)
+            lab.record("friction", too_short, partial(binned, screw=SCREW))
     assert list(alone) == list(shared)
     for name in alone:
         assert np.isfinite(alone[name]["force"]).any()

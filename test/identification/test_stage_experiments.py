@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from formula_stand import COUNT, FormulaBench, Module
 
-from screw_module_ros.geometry import SCREW
+from screw_module_ros.control import modes
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.geometry import SCREW, Screw
 from screw_module_ros.identification import friction_map, friction_spectrum, repeatability
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.stage_runs import (
@@ -22,8 +24,8 @@ from screw_module_ros.identification.stage_runs import (
     lowpass_taps,
     steady_part,
 )
-from screw_module_ros.identification.stand import SimulatedStand
-from screw_module_ros.identification.trials import Samples, StageTrial
+from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
+from screw_module_ros.identification.trials import MotionTrial, Samples, StageTrial
 
 RATE = 2000.0
 SPEEDS = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
@@ -50,7 +52,7 @@ def ripple(z: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("speed", [0.005, -0.02, 0.15, -0.15])
 def test_bins_hold_the_mean_force_of_their_height_and_its_error(speed):
-    part = binned(*stage_run(speed, ripple, noise=0.05))
+    part = binned(*stage_run(speed, ripple, noise=0.05), SCREW)
     edges = np.linspace(CENTRES_MM - 1.25, CENTRES_MM + 1.25, 101) / 1e3
     known = np.isfinite(part["force"])
     assert known.mean() > 0.95
@@ -65,18 +67,19 @@ def test_bins_hold_the_mean_force_of_their_height_and_its_error(speed):
 
 def test_getting_going_is_left_out_not_smeared():
     trial, samples = stage_run(0.15, lambda z: np.full_like(z, 12.0))
-    force = binned(trial, samples)["force"]
+    force = binned(trial, samples, SCREW)["force"]
     assert np.isnan(force[:2]).all()  # 5.6 mm to reach the speed
     assert force[np.isfinite(force)] == pytest.approx(12.0, abs=1e-6)
-    assert steady_part(trial, samples).start / RATE > 0.075
+    assert steady_part(trial, samples, SCREW).start / RATE > 0.075
 
 
 @pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0])
 @pytest.mark.parametrize("speed", [0.0005, 0.025, 0.15])
 def test_the_filter_passes_a_decade_and_stops_30_hz_above(speed, rate):
-    taps = lowpass_taps(speed, rate)
+    taps = lowpass_taps(speed, rate, SCREW)
     assert len(taps) == pytest.approx(400 * rate / 2000.0, rel=0.03)
-    frequency = np.array([0.0, cutoff_hz(speed), cutoff_hz(speed) + 30.0, 0.49 * rate])
+    passed = cutoff_hz(speed, SCREW)
+    frequency = np.array([0.0, passed, passed + 30.0, 0.49 * rate])
     time = np.arange(len(taps)) / rate
     gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, time)) @ taps)
     assert gain == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-3)
@@ -86,9 +89,9 @@ def test_a_nut_that_does_not_follow_the_stage_is_refused():
     trial, samples = stage_run(0.05, ripple)
     slipping = samples.position * (1.0 - samples.time / samples.time[-1])
     with pytest.raises(ValueError, match="is the stage coupled"):
-        binned(trial, samples._replace(position=slipping))
+        binned(trial, samples._replace(position=slipping), SCREW)
     with pytest.raises(ValueError, match="a lead of 38.10 mm"):
-        binned(trial, samples._replace(position=0.5 * samples.position))
+        binned(trial, samples._replace(position=0.5 * samples.position), SCREW)
 
 
 ONE_SPEED = {"speeds": (0.06,), "inverted_speeds": (), "low": 0.135, "high": 0.165}
@@ -113,8 +116,40 @@ def bench_with(module):
     ],
 )
 def test_a_rig_with_another_lead_is_found(tmp_path, bench_with, experiment, settings, lead):
-    with pytest.raises(ValueError, match=f"a lead of {1e3 * lead:.1f}. mm, encoder and amplifier"):
+    said = f"a lead of {1e3 * lead:.1f}. mm, encoder and amplifier are set for 19.05"
+    with pytest.raises(ValueError, match=said):
         experiment.run(Lab(bench_with(lead), tmp_path), experiment.Settings(**settings))
+
+
+@pytest.mark.parametrize("lead", [0.0127, 0.0254])
+def test_the_lines_of_another_screw_are_found_at_its_own_turns(tmp_path, lead):
+    bench = FormulaBench(Module(lead=lead, rollers=0.8))
+    found = friction_spectrum.run(Lab(bench, tmp_path), friction_spectrum.Settings())
+    assert found.value("screw_up") == pytest.approx(0.020 / lead, rel=0.05)
+    assert found.value("rollers_up") == pytest.approx(4.0 * 0.020 / lead, rel=0.05)
+
+
+def test_a_rig_whose_encoder_is_set_for_its_own_lead_passes(tmp_path, module):
+    """Heights are heights again, and no run is refused."""
+    other = module._replace(vertical=module.vertical._replace(lead=0.0127))
+    bench = SimulatedStand(other, screw=Screw(0.0127))
+    result = friction_map.run(Lab(bench, tmp_path), friction_map.Settings(**ONE_SPEED))
+    assert result.value("filled_up") > 0.05
+    samples = bench.record(StageTrial(0.06, 0.135, 0.165), lambda share: None)
+    assert np.ptp(samples.position) == pytest.approx(0.030, rel=2e-3)
+
+
+def test_a_law_presses_as_hard_through_another_screw(module):
+    """The amplifier gives the torque that makes the force on this screw."""
+
+    def held(lead):
+        world = module._replace(vertical=module.vertical._replace(lead=lead))
+        bench = SimulatedStand(world, LoopSettings(rate=1000.0), screw=Screw(lead))
+        law = VerticalSettings(stiffness=400.0)
+        trial = MotionTrial(modes.IMPEDANCE, law, amplitude=0.0, way=0.05, duration=4.0)
+        return bench.record(trial, lambda share: None).true_force[-500:].mean()
+
+    assert held(0.0127) == pytest.approx(held(0.01905), abs=3.0)
 
 
 def test_the_rig_of_the_thesis_passes(tmp_path, stand):

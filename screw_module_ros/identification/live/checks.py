@@ -9,7 +9,7 @@ from screw_module_msgs.msg import AmplifierState, EncoderSample, ImpedanceState,
 
 from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.geometry import SCREW
+from screw_module_ros.geometry import Screw
 from screw_module_ros.identification.trials import NotPossible
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
@@ -35,14 +35,14 @@ def check_homed(robot: Robot) -> None:
         )
 
 
-def check_height(robot: Robot, height: float, within: float = 1e-3) -> None:
-    """Refuse an encoder whose height differs from that of the handle [m]."""
+def check_height(robot: Robot, height: float, screw: Screw, within: float = 1e-3) -> None:
+    """Refuse an encoder, set for a screw, whose height differs from that of the handle [m]."""
     shown = robot.newest(EncoderSample).position
     if abs(shown - height) > within:
         raise NotPossible(
             f"the handle is at {1e3 * height:.1f} mm, the encoder shows {1e3 * shown:.1f} mm: "
             "home the encoder at the reference mark; if it shows the mark's height there, the "
-            f"screw's lead is not the {1e3 * SCREW.lead:g} mm that encoder and amplifier take"
+            f"screw's lead is not the {1e3 * screw.lead:g} mm that encoder and amplifier take"
         )
 
 
@@ -90,13 +90,13 @@ def check_acting(robot: Robot) -> None:
         raise RobotError(f"the amplifier switched the torque off: {state.reason}")
 
 
-def check_screw(robot: Robot, node: str) -> None:
-    """Refuse another lead than that of excitation and fits."""
-    lead = robot.parameters(node, ("lead",))["lead"]
-    if lead != SCREW.lead:
+def check_screw(robot: Robot, screw: Screw) -> None:
+    """Refuse an amplifier with another lead than the encoder's, which is `screw`."""
+    lead = robot.parameters("amplifier", ("lead",))["lead"]
+    if lead != screw.lead:
         raise NotPossible(
-            f"{node} runs with a lead of {1e3 * lead:g} mm: the experiments are for a screw of "
-            f"{1e3 * SCREW.lead:g} mm, their forces and fits would be wrong by the ratio"
+            f"amplifier runs with a lead of {1e3 * lead:g} mm, encoder with {1e3 * screw.lead:g} "
+            "mm: forces and heights would differ by the ratio; give both the screw's own (lead)"
         )
 
 

@@ -41,7 +41,7 @@ from screw_module_ros.control.laws import LAWS, law_of, loaded, names
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import force_to_torque
+from screw_module_ros.geometry import Screw, force_to_torque
 from screw_module_ros.identification.trials import (
     MOTION,
     RELEASE,
@@ -123,7 +123,7 @@ class LiveStand:
         self._torque_on = False
         self._allowed = robot.watch
         with self.clock.working():
-            check_screw(robot, "encoder")
+            self.screw = Screw(robot.parameters("encoder", ("lead",))["lead"])
             self.rate = common_rate(robot)
             own = robot.parameters(CONTROLLER, ("module_serial", "laws"))
             self.serial = own["module_serial"]
@@ -271,7 +271,7 @@ class LiveStand:
         robot = self._robot
         check_disabled(robot)
         check_not_stopped(robot)
-        check_screw(robot, AMPLIFIER)
+        check_screw(robot, self.screw)
         names = (*VerticalSettings._fields, "mode")
         found = robot.parameters(CONTROLLER, names)
         mode, refusals = SetControlMode.Request(mode=EXCITATION), [""]
@@ -389,7 +389,7 @@ class LiveStand:
         check_passive(robot)
         say(f"carrying the handle to {1e3 * trial.start:.1f} mm")
         fixture.stage_at(trial.start, trial.upside_down)
-        check_height(robot, trial.start)
+        check_height(robot, trial.start, self.screw)
         say("zero of the transducer, handle unloaded")
         before = self._unloaded_zero()
         fixture.stage_hold()
@@ -454,7 +454,7 @@ class LiveStand:
         before = self._zero()
         say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
         fixture.hand_at(trial.arm, trial.centre)
-        check_height(robot, trial.centre, _SAG)
+        check_height(robot, trial.centre, self.screw, _SAG)
         with self._leased():
             robot.set_parameters(CONTROLLER, {**trial.settings._asdict(), "mode": trial.mode})
             if trial.mode != OFF:

@@ -15,7 +15,7 @@ from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.excitation import Excitation
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import torque_to_force
+from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.identification.live import stand as live
 from screw_module_ros.identification.live.samples import Recorded, SamplesLost, Window, joined
 from screw_module_ros.identification.live.stand import LiveStand
@@ -190,8 +190,8 @@ class TestRefusals:
         [
             (live.common_rate, {"rate": 1000.0, "use_sim_time": True},
              "encoder runs with use_sim_time true"),
-            (lambda robot: live.check_screw(robot, "amplifier"), {"lead": 0.025},
-             "amplifier runs with a lead of 25 mm"),
+            (lambda robot: live.check_screw(robot, Screw()), {"lead": 0.025},
+             "amplifier runs with a lead of 25 mm, encoder with 19.05 mm"),
         ],
     )  # fmt: skip
     def test_sensors_with_another_clock_or_screw(self, check, parameters, said):
@@ -201,9 +201,9 @@ class TestRefusals:
 
     def test_a_handle_elsewhere_than_the_encoder_shows_names_home_and_lead(self):
         robot = SimpleNamespace(newest=lambda kind: kind(position=0.205))
-        live.check_height(robot, 0.2045)
-        with pytest.raises(NotPossible, match="home the encoder.* lead is not the 19.05 mm"):
-            live.check_height(robot, 0.2)
+        live.check_height(robot, 0.2045, Screw())
+        with pytest.raises(NotPossible, match="home the encoder.* lead is not the 12.7 mm"):
+            live.check_height(robot, 0.2, Screw(0.0127))
 
     @pytest.mark.parametrize(
         ("simulated", "change", "said"),
