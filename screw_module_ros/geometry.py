@@ -73,6 +73,8 @@ class PlanarArm(NamedTuple):
 
 SCREW = Screw()
 MANUS = PlanarArm()
+MANUS_NAME = "five_bar"
+"""Name of this kind of arm, among others (`control/arms.py`); the URDF describes no other."""
 
 
 def counts_to_height(
@@ -118,11 +120,6 @@ def inverse(x: float, y: float, arm: PlanarArm = MANUS) -> tuple[float, float]:
         arm.forearm * math.sin(between), arm.upper_arm + arm.forearm * math.cos(between)
     )
     return shoulder, shoulder + between
-
-
-def reaches(x: float, y: float, arm: PlanarArm = MANUS) -> bool:
-    """Return whether the handle can stand at x, y [m] from the workspace centre."""
-    return math.dist(forward(*inverse(x, y, arm), arm), (x, y)) < 1e-6
 
 
 def jacobian(

@@ -48,3 +48,25 @@ def beside(module: str, name: str) -> Path:
     if spec is None or not spec.has_location or spec.origin is None:
         raise SettingError(f"{module}:{name}: there is no package {module}; is it installed?")
     return Path(spec.origin).parent / name
+
+
+def settings_flaw(kind: Any) -> str:
+    """Return why somebody's class of settings cannot be taken, empty if it can."""
+    names = getattr(kind, "_fields", None)
+    if names is None or not isinstance(kind, type):
+        return "its settings are no NamedTuple"
+    bare = sorted({*names} - {*getattr(kind, "_field_defaults", ())})
+    return f"its setting {bare[0]} has no default" if bare else ""
+
+
+def functions_flaw(given: Any, names: tuple[str, ...]) -> str:
+    """Return that one of these attributes is no function, empty if all are."""
+    no = [name for name in names if not callable(getattr(given, name))]
+    return f"its {no[0]} is no function" if no else ""
+
+
+def prefix_flaw(name: Any) -> str:
+    """Return why a name cannot be the prefix of parameters, empty if it can."""
+    if isinstance(name, str) and name.isidentifier() and name != "self":
+        return ""
+    return f"its name, {name!r}, is also the prefix of its parameters: use letters"

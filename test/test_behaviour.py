@@ -11,14 +11,21 @@ import pytest
 
 import screw_module_ros
 from screw_module_ros.behaviour import canonical, digest
+from screw_module_ros.calibration.plane_version import plane_law_version
 from screw_module_ros.calibration.version import source_of
+from screw_module_ros.control import plane_envelope, plane_law
 from screw_module_ros.control.envelope import enveloped, initial_state
-from screw_module_ros.control.laws import thesis
-from screw_module_ros.control.planar import planar_step
+from screw_module_ros.control.laws import plane_impedance, thesis
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 
 LAW = (
     enveloped, initial_state, thesis.foresee, thesis.ask, thesis.helps, thesis.rest,
     thesis.new_memory, thesis.own_numbers,
+)  # fmt: skip
+PLANE = (
+    plane_envelope.enveloped, plane_envelope.initial_state, plane_impedance.needs, plane_law.spring,
+    plane_impedance.helps, plane_impedance.rest, plane_impedance.new_memory,
+    plane_law.settings_alone,
 )  # fmt: skip
 SHIPPED = digest(*LAW)
 CONTROL = "screw_module_ros.control"
@@ -41,19 +48,19 @@ def changed(module: str, old: str, new: str) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("module", "old", "new"),
     [
-        (f"{CONTROL}.guard", "resistance that the handle shall show", "the least resistance"),
+        (f"{CONTROL}.gain_guard", "resistance that the handle shall show", "the least resistance"),
         (f"{CONTROL}.envelope", "# as it is sent, after all limits", ""),
         (f"{CONTROL}.envelope", '"""Return whether the inputs can be real;', '"""Whether so;'),
         (f"{CONTROL}.observer", '"""Commands remembered; the observer', '"""Remembered; it'),
         (f"{CONTROL}.envelope", " share = dt / p.fade_time\n", "\n    share = (dt/p.fade_time)\n"),
-        (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2.00"),
+        (f"{CONTROL}.gain_guard", "PASSIVE = 2.0", "PASSIVE = 2.00"),
         (f"{CONTROL}.envelope", "position: float) -> VerticalOutput", "position) -> object"),
         (f"{CONTROL}.envelope", "    base: float = 0.0", "    base: 'object' = 0.0"),
         # Never reached: the settings' ranges and defaults, the encoder's filter, the plane.
         (f"{CONTROL}.vertical_settings", "0.0, 50.0, live=True", "0.0, 60.0, live=True"),
         (FILTERS, "LONGEST_GAP = 10", "LONGEST_GAP = 11"),
-        (f"{CONTROL}.guard", 'f"chatter guard:', 'f"guard:'),
-        (f"{CONTROL}.planar", "-p.half_width", "-0.5 * p.half_width"),
+        (f"{CONTROL}.gain_guard", 'f"chatter guard:', 'f"guard:'),
+        (f"{CONTROL}.plane_envelope", "-p.half_width", "-0.5 * p.half_width"),
     ],
 )
 def test_what_has_no_effect_on_the_vertical_law_leaves_its_digest(module, old, new):
@@ -64,8 +71,8 @@ def test_what_has_no_effect_on_the_vertical_law_leaves_its_digest(module, old, n
 @pytest.mark.parametrize(
     ("module", "old", "new"),
     [
-        (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2.001"),
-        (f"{CONTROL}.guard", "PASSIVE = 2.0", "PASSIVE = 2"),
+        (f"{CONTROL}.gain_guard", "PASSIVE = 2.0", "PASSIVE = 2.001"),
+        (f"{CONTROL}.gain_guard", "PASSIVE = 2.0", "PASSIVE = 2"),
         (f"{CONTROL}.limits", "LONGEST_STEP =", "LONGEST_STEP = 2.0 *"),
         (f"{CONTROL}.envelope", "impedance + gravity + friction", "impedance - gravity + friction"),
         (f"{CONTROL}.envelope", "    base: float = 0.0", "    base: float = 1.0"),
@@ -77,7 +84,7 @@ def test_what_has_no_effect_on_the_vertical_law_leaves_its_digest(module, old, n
         (f"{CONTROL}.envelope", "smoothed, tune\n", "smoothed, rapid as tune\n"),
         (f"{CONTROL}.laws.thesis", "HELD = 0.8", "HELD = 0.8\nHELD += 0.1"),
         (f"{CONTROL}.vertical_settings", "2.0 * ratio * math.sqrt", "2.0 * ratio * math.exp"),
-        (f"{CONTROL}.guard", "import math\n", "import cmath as math\n"),
+        (f"{CONTROL}.gain_guard", "import math\n", "import cmath as math\n"),
     ],
 )
 def test_what_the_vertical_law_reaches_changes_its_digest(module, old, new):
@@ -89,10 +96,10 @@ def test_it_is_the_version_of_the_shipped_law():
 
 
 def test_each_law_has_its_own_and_the_plane_sees_its_own_change():
-    plane = digest(planar_step)
+    plane = plane_law_version(PLANE_IMPEDANCE)
     assert plane != SHIPPED
-    narrower = changed(f"{CONTROL}.planar", "-p.half_width", "-0.5 * p.half_width")
-    assert digest(planar_step, texts=narrower) != plane
+    narrower = changed(f"{CONTROL}.plane_envelope", "-p.half_width", "-0.5 * p.half_width")
+    assert digest(*PLANE) == plane != digest(*PLANE, texts=narrower)
 
 
 def reached(text: str, other: str = "") -> str:

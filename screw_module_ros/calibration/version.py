@@ -12,20 +12,17 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
-import inspect
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ..behaviour import PACKAGE, canonical_source, digest
 from ..control import laws
 from ..control.envelope import enveloped, initial_state
 from ..control.law import Law
 from ..control.laws.thesis import THESIS
 from ..settings_file import read_file
+from .source_version import UNKNOWN, source_version
 
 FILE = Path(laws.__file__).with_name("versions.yaml")
-UNKNOWN = "unknown"
 
 
 class Known(NamedTuple):
@@ -87,20 +84,4 @@ def source_of(law: Law) -> str:
     imports from elsewhere is not seen. It is "unknown" where a source cannot be read.
     """
     functions = (law.foresee, law.ask, law.help, law.rest, law.memory, law.own)
-    modules = {_module(each) for each in (*functions, law.settings)}
-    files = sorted(module for module in modules if module.partition(".")[0] != PACKAGE)
-    shared = [each for each in functions if _module(each) not in files]
-    try:
-        found = digest(enveloped, initial_state, *shared)
-        sources = [inspect.getsource(importlib.import_module(file)) for file in files]
-        texts = [canonical_source(source) for source in sources]
-    except (OSError, TypeError, SyntaxError):
-        return UNKNOWN
-    if not files:
-        return found
-    return hashlib.sha256("\n".join([found, *texts]).encode()).hexdigest()[:12]
-
-
-def _module(part: Any) -> str:
-    """Return the module of a function or a class; that of what a partial calls."""
-    return getattr(getattr(part, "func", part), "__module__", "") or ""
+    return source_version(functions, law.settings, (enveloped, initial_state))

@@ -22,7 +22,7 @@ class PlanarSettings(NamedTuple):
 
     The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more, with the elbow on
     its side. The largest torques are those of the force limit of 45 N at each link (D; 44.5 N in
-    2.1.1). arm: its links, base and elbow.
+    2.1.1). arm: settings of the arm, MIT-MANUS's or another one's (`arms.Arm`).
     """
 
     stiffness: Annotated[

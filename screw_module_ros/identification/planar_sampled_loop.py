@@ -20,8 +20,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from ..compiled import compiled, packed
-from ..control.planar import PlanarInput, initial_state, planar_step
+from ..control.laws.plane_impedance import PLANE_IMPEDANCE
+from ..control.planar import PlanarInput
 from ..control.planar_settings import PlanarSettings
+from ..control.plane_envelope import enveloped, initial_state
 from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
 from ..geometry import inverse
 from ..plant.planar import Planar, resting_plane
@@ -31,6 +33,7 @@ from .trials import Arm, PlaneLoop
 MOST = 30.0
 """Largest gain of a search: the law's own."""
 _SETTLE_S = 2.0
+planar_step = enveloped(PLANE_IMPEDANCE)
 _Q, _W, _B, _V, _T = (slice(2 * part, 2 * part + 2) for part in range(5))
 _STATES = 10  # angles and velocities of the joints, deflection, handle's velocity, motor torques
 
@@ -108,7 +111,8 @@ def planar_law(law: PlanarSettings, loop: PlaneLoop, x: float, y: float) -> Line
     """
     period = 1.0 / loop.rate
     settings = law._replace(chatter_limit=math.inf)
-    memory, (shoulder, elbow) = packed(initial_state(settings)), inverse(x, y, law.arm)
+    memory = packed(initial_state(settings, PLANE_IMPEDANCE, settings))
+    shoulder, elbow = inverse(x, y, law.arm)
     places = floats_in(memory.dtype)
     motions = np.array((velocity_settled(shoulder), velocity_settled(elbow)))
     answers = compiled(planar_answers)(
@@ -153,7 +157,7 @@ def planar_answers(
                 now[0], now[1], shoulder_speed, elbow_speed, x, y, 0.0, 0.0, True, 0.0, 0.0, 0.0,
                 now[2], now[3],
             )  # fmt: skip
-            output = planar_step(settings[0], memory[0], inp, period)
+            output = planar_step(settings[0], settings[0], memory[0], inp, period)
             first, second = output.shoulder_torque, output.elbow_torque
         if row < 0:
             kept, motions = flat.copy(), moved.copy()

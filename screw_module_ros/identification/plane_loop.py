@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import compiled, packed
-from ..control.planar import PlanarInput, initial_state
-from ..control.planar import planar_step as law_step
+from ..control.laws.plane_impedance import PLANE_IMPEDANCE
+from ..control.planar import PlanarInput
 from ..control.planar_settings import PlanarSettings
+from ..control.plane_envelope import enveloped, initial_state
 from ..filters import (
     LowpassCoefficients,
     VelocityState,
@@ -42,6 +43,7 @@ from .trials import OnProgress, PlanarTrial, Samples
 FORCE_COUNTS = 144.0  # counts of the transducer (3.1.9) [1/N]
 COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the force gain
 _SETTLE_S = 1.5
+law_step = enveloped(PLANE_IMPEDANCE)
 
 
 class PlaneParams(NamedTuple):
@@ -88,7 +90,7 @@ class Felt(NamedTuple):
 
 
 class PlaneState(NamedTuple):
-    """ticks: since the trial began; the plane; the law's `PlanarState` from `compiled.packed`,
+    """ticks: since the trial began; the plane; the law's `PlaneState` from `compiled.packed`,
     which a tick changes in place; filters of both velocities; torques in force [Nm]; arm behind the
     grip; force sample; forces: samples under way, one for each period of age, first the one that
     the law sees, shape (n, 2) [N]."""
@@ -128,7 +130,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         shoulder, elbow, shoulder_speed, elbow_speed, p.centre_x, p.centre_y, 0.0, 0.0, True,
         0.0, 0.0, 0.0, forces[0, 0], forces[0, 1],
     )  # fmt: skip
-    output = law_step(p.law, s.law[0], inp, p.period)
+    output = law_step(p.law, p.law, s.law[0], inp, p.period)
     row[0], row[1] = handle_place(p.plant.robot, s.arm)
     row[2], row[3] = s.arm.handle_vx, s.arm.handle_vy
     row[4], row[5], row[6] = s.arm.force_x, s.arm.force_y, output.share
@@ -207,7 +209,7 @@ def plane_samples(
     arm = resting_plane(world.planar, x, y)
     whole = (round(trial.loop.force_age / world.substep) - 1) // params.steps
     state = PlaneState(
-        0, arm, packed(initial_state(trial.settings)),
+        0, arm, packed(initial_state(trial.settings, PLANE_IMPEDANCE, trial.settings)),
         velocity_settled(counted(arm.shoulder, params.radian)),
         velocity_settled(counted(arm.elbow, params.radian)), 0.0, 0.0, Palm(x, y, 0.0, 0.0),
         Felt(0.0, 0.0, *seeded(seed)), np.zeros((whole + 1, 2)),

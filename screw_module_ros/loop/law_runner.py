@@ -26,6 +26,36 @@ class _Broken(NamedTuple):
     error: Exception
 
 
+class WorkTime:
+    """The processor time that a law takes: the next sample would wait for a step of too much."""
+
+    def __init__(self, period_ns: int):
+        self._period_ns = period_ns
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin to count anew: for another law."""
+        self._slow = 0
+
+    def flaw(self, taken_ns: int) -> str:
+        """Return why a step took too much, empty if it did not; taken_ns: processor time [ns]."""
+        periods = taken_ns / self._period_ns
+        self._slow = self._slow + 1 if periods > MOST else 0
+        if periods <= MOST_ONCE and self._slow < RUNNING:
+            return ""
+        most = MOST_ONCE if periods > MOST_ONCE else MOST
+        return (
+            f"{taken_ns / 1e6:.2f} ms of processor time for a step, more than "
+            f"{most * self._period_ns / 1e6:g} ms"
+        )
+
+
+def numbers_of(memory: Any, shown: Iterable[str]) -> dict[str, float]:
+    """Return attributes of a law's memory by their names; NaN for what is no number there."""
+    values = {name: getattr(memory, name, math.nan) for name in shown}
+    return {name: v if isinstance(v, (int, float)) else math.nan for name, v in values.items()}
+
+
 class LawRunner:
     """Runs one law; another one takes over when the running one has faded out.
 
@@ -51,8 +81,7 @@ class LawRunner:
         self._of = {mode: law for law in self.laws for mode in law.variants}
         self._steps = {law.name: enveloped(law) for law in self.laws}
         self._chosen = dict(settings or {})
-        self._friction, self._work_ns, self._period_ns = friction, work_ns, period_ns
-        self._slow = 0
+        self._friction, self._work_ns, self._work = friction, work_ns, WorkTime(period_ns)
         self._owns: dict[str, Any] = {}
         self._take(p)
         self.restart()
@@ -82,8 +111,7 @@ class LawRunner:
     @property
     def shown(self) -> dict[str, float]:
         """Numbers that the running law names, of its memory; NaN for what is none there."""
-        values = {name: getattr(self.state.law, name, math.nan) for name in self.law.shown}
-        return {name: v if isinstance(v, (int, float)) else math.nan for name, v in values.items()}
+        return numbers_of(self.state.law, self.law.shown)
 
     @property
     def force_gain(self) -> float:
@@ -131,31 +159,21 @@ class LawRunner:
         if self.state.wrong:
             self._fails(self.law, "its answer is no number")
             return None
-        if self._work_ns:
-            self._judge(self._work_ns() - begun)
-        return None if self.wrong else output
+        if self._work_ns and (late := self._work.flaw(self._work_ns() - begun)):
+            self._fails(self.law, late)
+            return None
+        return output
 
     def _making_room(self, wanted: Law, inp: VerticalInput) -> VerticalInput:
         """Let another law take over once the running one has faded out; until then it leaves."""
         if self.state.weight > 0.0 and inp.active:
             return inp._replace(mode=LEAVE)
         memory = wanted.memory(self._own(wanted))
-        self.law, self.state.law, self._slow = wanted, memory, 0
+        self.law, self.state.law = wanted, memory
+        self._work.restart()
         return inp
 
     def _fails(self, law: Law, why: str) -> None:
         self.wrong = f"law {law.name}: {why}"
-        self._slow = 0
+        self._work.restart()
         self.restart()
-
-    def _judge(self, taken_ns: int) -> None:
-        """Fail when a step took too much processor time: the next sample would wait for it."""
-        periods = taken_ns / self._period_ns
-        self._slow = self._slow + 1 if periods > MOST else 0
-        if periods > MOST_ONCE or self._slow >= RUNNING:
-            most = MOST_ONCE if periods > MOST_ONCE else MOST
-            self._fails(
-                self.law,
-                f"{taken_ns / 1e6:.2f} ms of processor time for a step, more than "
-                f"{most * self._period_ns / 1e6:g} ms"
-            )

@@ -10,10 +10,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..can_io.port import Port
+from ..control.arms import FIVE_BAR, Arm
+from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.planar_settings import PlanarSettings
+from ..control.plane_law import PlaneLaw
 from ..control.slot import SlotLimits
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
@@ -60,7 +63,12 @@ class Plane:
         slot_limits: SlotLimits = _SLOT_LIMITS,
         limits: PlaneLimits | None = None,
         wires: PlaneWires | None = None,
+        law: PlaneLaw = PLANE_IMPEDANCE,
+        arm: Arm = FIVE_BAR,
+        own: Any = None,
+        work_ns: Callable[[], int] | None = None,
     ):
+        """law, arm, own, work_ns: see `PlaneController`."""
         self._limits, self._wires = limits or PlaneLimits(), wires or PlaneWires()
         self._clock, self._period_ns = port.clock, period_ns
         # A command is as old as the positions behind it.
@@ -71,7 +79,7 @@ class Plane:
         self.controller = PlaneController(
             settings, joints, period_ns, self.drives.permit.fault,
             (drives[0].label, drives[1].label), freeze, slot_limits,
-            self._limits.handle_force_limit,
+            self._limits.handle_force_limit, law, arm, own, work_ns,
         )  # fmt: skip
         self.restart()
 

@@ -12,19 +12,23 @@ The drives' counts have no home: `home` declares that the handle stands at the r
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
 
-from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_step
+from ..control.arms import FIVE_BAR, Arm
+from ..control.laws.plane_impedance import PLANE_IMPEDANCE
+from ..control.planar import PlanarInput, PlanarOutput
 from ..control.planar_settings import PlanarSettings
+from ..control.plane_law import PlaneLaw
 from ..control.slot import Reach, SlotLimits
 from ..devices.doubt import HOMING, Doubt
 from ..devices.motion import Motion
-from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
 from ..safety.checks import FreezeSettings, Frozen, Stream, force_flaw
 from ..safety.latch import Age, Latch
 from ..samples import ForceReading
 from ..settings import Setting
 from .inputs import NO_GUIDANCE, Guidance, Guide, SetpointInput
+from .plane_law_runner import PlaneLawRunner
 
 _FRESH_NS = 100_000_000
 _FORCE_PERIODS = 5.0  # age of the newest force sample that latches a fault
@@ -126,7 +130,7 @@ class PlaneController:
 
     settings: of the law, may be replaced at any time. fault: what is latched, the gate's own latch.
     joints: both, motions: theirs. guide: the slot, if there is one. wanted: the set point, x and y.
-    state: memory of the law, output: of the law in the last tick, None without positions.
+    laws: the law on its arm; output: of the law in the last tick, None without positions.
     measured: when both drives told their positions last. force_seen: a force sample has come.
     """
 
@@ -140,9 +144,16 @@ class PlaneController:
         freeze: FreezeSettings,
         slot_limits: SlotLimits,
         handle_force_limit: float,
+        law: PlaneLaw = PLANE_IMPEDANCE,
+        arm: Arm = FIVE_BAR,
+        own: Any = None,
+        work_ns: Callable[[], int] | None = None,
     ):
-        """labels: of both drives; handle_force_limit: of the force on the handle [N]."""
+        """labels: of both drives; handle_force_limit: of the force on the handle [N]; own: settings
+        of a law of others, work_ns: processor time of the loop's thread [ns], for `PlaneLawRunner`.
+        """
         self.settings = settings
+        self.laws = PlaneLawRunner(settings, law, arm, own, period_ns, work_ns)
         self.fault = fault
         shoulder, elbow = (Joint(joints, freeze, period_ns, label) for label in labels)
         self.joints = shoulder, elbow
@@ -159,7 +170,7 @@ class PlaneController:
         self.guide = Guide(self.guide.limits, self.guide.reach)
         self.wanted = SetpointInput(axes=2)
         self.output: PlanarOutput | None = None
-        self.state = initial_state(self.settings)
+        self.laws.restart(self.settings)
         self.measured = Age(_FRESH_NS)
         self._forces = Stream("force sensor", self._period_ns, self.fault, numbered=False)
         self._force_age = Age(_FORCE_PERIODS * self._period_ns, self._period_ns)
@@ -234,7 +245,9 @@ class PlaneController:
             *(NO_GUIDANCE if self.guide.free else self._guidance(now_ns, elapsed_ns * 1e-9)),
             *self._hand,
         )
-        self.output = planar_step(self.settings, self.state, inp, elapsed_ns * 1e-9)
+        self.output = self.laws.step(self.settings, inp, elapsed_ns * 1e-9)
+        if self.laws.wrong:
+            self.fault.set(self.laws.wrong)
         return self.output.shoulder_torque, self.output.elbow_torque
 
     def stop_when_silent(self, enabled: bool, now_ns: int) -> None:
@@ -243,12 +256,13 @@ class PlaneController:
         if enabled and silent_ns > self._joint_settings.silence * self._period_ns:
             self.fault.set(f"no position for {silent_ns * 1e-6:.0f} ms")
         self.output = None
-        self.state = initial_state(self.settings)
+        self.laws.restart(self.settings)
 
     def _guidance(self, now_ns: int, dt: float) -> Guidance:
         shoulder, elbow = self.motions
-        x, y = forward(shoulder.position, elbow.position, self.settings.arm)
-        x_s, x_e, y_s, y_e = jacobian(shoulder.position, elbow.position, self.settings.arm)
+        angles, arm, own = (shoulder.position, elbow.position), self.laws.arm, self.settings.arm
+        x, y = arm.forward(*angles, own)
+        x_s, x_e, y_s, y_e = arm.jacobian(*angles, own)
         vx = x_s * shoulder.velocity + x_e * elbow.velocity
         vy = y_s * shoulder.velocity + y_e * elbow.velocity
         return self.guide.guidance(x, y, vx, vy, now_ns, dt)
@@ -260,8 +274,9 @@ class PlaneController:
                 joint.frozen.restart()
             return
         angles = self.motions[0].position, self.motions[1].position
-        judged = clear_of_stops(self.settings, *angles)
-        pushed = hand_torques(*angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
+        arm = self.laws.arm
+        judged = clear_of_stops(arm, self.settings, *angles)
+        pushed = hand_torques(arm, *angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
         for joint, torque, push in zip(self.joints, acted, pushed, strict=True):
             if wrong := joint.check_frozen(torque + push):
                 self.fault.set(f"{joint.label}: {wrong}")
@@ -274,7 +289,7 @@ class PlaneController:
         Refused in motion or without answers. Needs a second call when it contradicts the last
         homing (`Doubt`).
         """
-        settings = self._joint_settings
+        settings, arm = self._joint_settings, self.laws.arm
         if not self.measured.fresh(now_ns):
             return "the drives do not answer"
         for joint in self.joints:
@@ -286,12 +301,14 @@ class PlaneController:
         mark = settings.home_x, settings.home_y
         if self.homed or self._doubt.contradicted:
             shoulder, elbow = self.motions
-            place = forward(shoulder.position, elbow.position, self.settings.arm)
+            place = arm.forward(shoulder.position, elbow.position, self.settings.arm)
             if refused := self._doubt.refusal(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False
                 return refused
-        angles = inverse(*mark, self.settings.arm)
+        angles = arm.inverse(*mark, self.settings.arm)
+        if not all(map(math.isfinite, angles)):
+            return f"arm {arm.name}: its inverse knows no angles of the reference mark"
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.motion.home(angle)
         return ""
@@ -304,17 +321,21 @@ class PlaneController:
 
 
 def hand_torques(
-    shoulder: float, elbow: float, fx: float, fy: float, arm: PlanarArm = MANUS
+    arm: Arm, shoulder: float, elbow: float, fx: float, fy: float, own: Any
 ) -> tuple[float, float]:
-    """Return the torques of a handle force [N] at both joints [Nm]: J^T F, angles in rad."""
-    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow, arm)
+    """Return the torques of a handle force [N] at both joints [Nm]: J^T F, angles in rad.
+
+    own: settings of the arm.
+    """
+    x_s, x_e, y_s, y_e = arm.jacobian(shoulder, elbow, own)
     return x_s * fx + y_s * fy, x_e * fx + y_e * fy
 
 
-def clear_of_stops(settings: PlanarSettings, shoulder: float, elbow: float) -> bool:
+def clear_of_stops(arm: Arm, settings: PlanarSettings, shoulder: float, elbow: float) -> bool:
     """Return whether both joints [rad] are within their range, where no stop touches them."""
     return (
         settings.shoulder_low < shoulder < settings.shoulder_high
         and settings.elbow_low < elbow < settings.elbow_high
-        and settings.between_low < elbow - shoulder < settings.between_high
+        and settings.between_low < arm.between(shoulder, elbow, settings.arm)[0]
+        < settings.between_high
     )

@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 
 from screw_module_ros import graph
 from screw_module_ros.control.limits import clamp
-from screw_module_ros.geometry import Screw, torque_to_force
+from screw_module_ros.geometry import MANUS_NAME, Screw, torque_to_force
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.safety.checks import is_finite, is_measured, status_problem
 from screw_module_ros.samples import EncoderReading, ForceReading
@@ -141,6 +141,7 @@ class PlaneNow(NamedTuple):
 
     joint_position [rad] and joint_velocity [rad/s]: absolute angles of upper arm and forearm;
     position: x, y from the workspace centre [m]; velocity [m/s]; torque: of both motors [Nm].
+    shown: the arm is that of the URDF.
     """
 
     joint_position: tuple[float, float]
@@ -148,6 +149,7 @@ class PlaneNow(NamedTuple):
     position: tuple[float, float]
     velocity: tuple[float, float]
     torque: tuple[float, float]
+    shown: bool = True
 
 
 def carried(plane: PlanarState | None, now_ns: int) -> PlaneNow | None:
@@ -169,6 +171,7 @@ def carried(plane: PlanarState | None, now_ns: int) -> PlaneNow | None:
         _along(plane.position, plane.velocity, ahead),
         _along(plane.velocity),
         _along(plane.measured_torque),
+        plane.arm.partition(" ")[0] in ("", MANUS_NAME),
     )
 
 
@@ -183,9 +186,9 @@ def planar_joints(plane: PlaneNow | None) -> dict[str, tuple[float, float, float
 
     Both motors stand at the base and measure absolute angles. The joint `elbow` is the angle of the
     forearm to the upper arm. By virtual work its torque is the elbow motor's, and the torque of the
-    joint `shoulder` is the sum of both motors'.
+    joint `shoulder` is the sum of both motors'. Of an arm that the URDF does not describe: none.
     """
-    if plane is None:
+    if plane is None or not plane.shown:
         return {}
     (upper, fore), (upper_speed, fore_speed) = plane.joint_position, plane.joint_velocity
     upper_torque, fore_torque = plane.torque

@@ -4,21 +4,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
-from typing import Annotated, NamedTuple
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
+from screw_module_ros.calibration.plane_version import arm_version, plane_law_version
+from screw_module_ros.control import arms
 from screw_module_ros.control.gain_guard import guarded
+from screw_module_ros.control.laws import GROUP, refusal
+from screw_module_ros.control.laws import plane as plane_laws
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import JOINTS, SHARED, DriveSettings, adapted
-from screw_module_ros.geometry import PlanarArm, inverse, reaches
 from screw_module_ros.loop.plane import Plane, PlaneWires
 from screw_module_ros.loop.plane_controller import JointSettings, PlaneLimits, clear_of_stops
 from screw_module_ros.loop.ticker import Tick
@@ -34,6 +40,9 @@ from .support.states import OK, WARN, Health, at_base, fill_counts, fill_permit
 from .support.topics import offered, requested
 
 _UNKNOWN = [math.nan, math.nan]
+
+
+_NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 
 
 class SharedSettings(NamedTuple):
@@ -53,6 +62,14 @@ class ManusSettings(NamedTuple):
     """Settings of the node beside those of drives and law."""
 
     state_every: Annotated[int, Setting(f"ticks per {graph.MANUS_STATE} message", "", 1, 100)] = 4
+    law: Annotated[
+        str, Setting(f"law of the plane: {PLANE_IMPEDANCE.name}, package.module:NAME, or an entry "
+                     f"point of {GROUP}", at_start=True)
+    ] = PLANE_IMPEDANCE.name
+    arm: Annotated[
+        str, Setting(f"arm: {arms.FIVE_BAR.name}, package.module:NAME, or an entry point of "
+                     f"{arms.GROUP}", at_start=True)
+    ] = arms.FIVE_BAR.name
 
 
 class ManusNode(DriveNode):
@@ -61,16 +78,34 @@ class ManusNode(DriveNode):
     def __init__(self) -> None:
         super().__init__("manus", rate=JOINTS["shoulder"].rate)
         self.parameters.declare(
-            ManusSettings, PlaneLimits, SharedSettings, PlanarSettings, joints=JointSettings,
-            freeze=FreezeSettings, arm=PlanarArm, slot=SlotLimits,
+            ManusSettings, PlaneLimits, SharedSettings, joints=JointSettings,
+            freeze=FreezeSettings, slot=SlotLimits,
         )  # fmt: skip
+        chosen = self.parameters.read(ManusSettings)
+        self._arm, self._law = arms.load(chosen.arm), plane_laws.load(chosen.law)
+        limits: Any = {name: float(limit) for name, limit in self._arm.limits.items()}
+        self.parameters.declare_with(PlanarSettings, **limits)
+        self.parameters.declare(arm=self._arm.settings)
+        self._declare_law()
         for joint, own in JOINTS.items():
             self.parameters.declare_with(DriveSettings, joint, ("rate", *SHARED), **own._asdict())
         self._state = at_base(PlanarState)
+        self._state.law = f"{self._law.name} {plane_law_version(self._law)}"
+        self._state.arm = f"{self._arm.name} {arm_version(self._arm)}"
         self._latency_p99 = 0.0
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         impedance = partial(set_impedance, self.parameters, PlanarSettings)
         self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
+
+    def _declare_law(self) -> None:
+        """Make parameters of the settings of a law of others, below its name."""
+        if self._law in plane_laws.PLANE_LAWS:
+            return
+        if self.parameters.knows(self._law.name):
+            raise SettingError(
+                f"law {self._law.name}: this node has parameters of that name: rename it"
+            )
+        self.parameters.declare(**{self._law.name: self._law.settings})
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -78,20 +113,7 @@ class ManusNode(DriveNode):
         """Find both drives, configure them and their guards."""
         law = self._law_settings().validated()
         place = self.parameters.read(JointSettings, "joints")
-        if not reaches(place.home_x, place.home_y, law.arm):
-            raise SettingError(
-                f"joints.home_x, joints.home_y = {place.home_x:g}, {place.home_y:g} m: the arm "
-                "does not reach there; its own are arm.upper_arm, arm.forearm, arm.base_x, "
-                "arm.base_y"
-            )
-        pose = inverse(place.home_x, place.home_y, law.arm)
-        if not clear_of_stops(law, *pose):
-            raise SettingError(
-                f"joints.home_x, joints.home_y = {place.home_x:g}, {place.home_y:g} m: there, with "
-                f"arm.elbow = {law.arm.elbow}, shoulder and elbow stand at {pose[0]:.2f} and "
-                f"{pose[1]:.2f} rad, beyond shoulder_*, elbow_* or between_*: base, side of the "
-                "elbow and joint limits must fit together"
-            )
+        self._check_arm(law, place)
         profile = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
             adapted(self._drive_settings("shoulder", law.shoulder_torque), profile.drive),
@@ -117,14 +139,49 @@ class ManusNode(DriveNode):
             self.parameters.read(SlotLimits, "slot"),
             self.parameters.read(PlaneLimits),
             PlaneWires(self._read_inputs, self._publish_due_state),
+            self._law,
+            self._arm,
+            self._own(),
+            self.clock.work_ns,
         )
         plane.drives.warm_as(getattr(self, "_plane", plane).drives)
         self._plane = plane
         self._make_topics()
 
+    def _check_arm(self, law: PlanarSettings, place: JointSettings) -> None:
+        """Raise SettingError when an arm, its limits and the reference mark do not fit together."""
+        arm, own, mark = self._arm, law.arm, (place.home_x, place.home_y)
+        if arm is not arms.FIVE_BAR:
+            wrong = arms.kinematics_flaw(arm, own, law.half_width, law.half_depth)
+            if wrong:
+                raise SettingError(f"arm {arm.name}: {wrong}")
+        where = f"joints.home_x, joints.home_y = {mark[0]:g}, {mark[1]:g} m"
+        if not arms.reaches(arm, *mark, own):
+            names = ", ".join(f"arm.{name}" for name in own._fields)
+            raise SettingError(f"{where}: the arm does not reach there; its own are {names}")
+        pose = arm.inverse(*mark, own)
+        if not clear_of_stops(arm, law, *pose):
+            side = getattr(own, "elbow", "")
+            raise SettingError(
+                f"{where}: there{side and f', with arm.elbow = {side}'}, shoulder and elbow stand "
+                f"at {pose[0]:.2f} and {pose[1]:.2f} rad, beyond shoulder_*, elbow_* or between_*: "
+                "base, side of the elbow and joint limits must fit together"
+            )
+
     def _law_settings(self) -> PlanarSettings:
-        arm = self.parameters.read(PlanarArm, "arm")
+        arm = self.parameters.read(self._arm.settings, "arm")
         return self.parameters.read(PlanarSettings)._replace(arm=arm)
+
+    def _own(self, changes: Mapping[str, Any] = _NO_CHANGES) -> Any:
+        """Return the settings of a law of others, None of this package's."""
+        if self._law in plane_laws.PLANE_LAWS:
+            return None
+        return self.parameters.read(self._law.settings, self._law.name, changes)
+
+    def refusal(self, changes: Mapping[str, Any]) -> str:
+        """Return why a law of others cannot run with its settings."""
+        own = self._own(changes)
+        return "" if own is None else refusal(self._law, own)
 
     def _drive_settings(self, joint: str, largest: float) -> DriveSettings:
         """Return the settings of a drive.
@@ -160,6 +217,8 @@ class ManusNode(DriveNode):
         """Apply live parameters; the law fades them in."""
         if kind is PlanarSettings and self.configured:
             self._plane.controller.settings = self._law_settings()
+        elif kind is self._law.settings and self.configured:
+            self._plane.controller.laws.choose(self._own())
 
     # Hot loop ------------------------------------------------------------------------------
 
@@ -257,6 +316,8 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     if not controller.measured.fresh(now_ns):
         message.position = message.velocity = _UNKNOWN
         message.joint_position = message.joint_velocity = _UNKNOWN
-    message.stiffness, message.damping = controller.state.stiffness, controller.state.damping
+    state, shown = controller.laws.state, controller.laws.shown
+    message.stiffness, message.damping = state.stiffness, state.damping
+    message.law_names, message.law_values = list(shown), list(shown.values())
     message.samples = plane.meter.samples
     fill_counts(message, plane.meter, now_ns)

@@ -24,6 +24,7 @@ from screw_module_ros.locks import lock_simulation
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.lockstep.page import Page, alive
+from screw_module_ros.plant import plane_plant
 from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
@@ -63,6 +64,10 @@ class SimulationSettings(NamedTuple):
     patient: Annotated[
         str, Setting("who holds the handle: he follows what the robot is asked for; empty: the arm "
                      "of the plant file", choices=("", *PATIENTS))
+    ] = ""
+    plane_plant: Annotated[
+        str, Setting("planar arm of another package, package.module:NAME or an entry point of "
+                     f"{plane_plant.GROUP}; empty: the plant file's", at_start=True)
     ] = ""
     truth_rate: Annotated[
         float, Setting(f"{graph.TRUTH} messages per second", "Hz", 1.0, 500.0)
@@ -151,7 +156,10 @@ class SimRigNode(Node):
         """Load the plant and open the buses."""
         settings = self.parameters.read(SimulationSettings)
         perturb = settings.perturb_seed if settings.perturb_seed >= 0 else None
-        self._world = World(load_world(settings.plant_file or None, perturb), settings.seed)
+        self._world = World(
+            load_world(settings.plant_file or None, perturb), settings.seed,
+            plane=plane_plant.load(settings.plane_plant),
+        )  # fmt: skip
         if settings.patient:
             self._world.set_arm(ArmSettings(patient=settings.patient))
         by_name = {bus.name: self._open(self.parameters.read(BusSettings, f"{bus.name}.can"))

@@ -186,6 +186,17 @@ def handle_place(robot: Planar, s: ManusState) -> tuple[float, float]:
     return x + s.bend_x, y + s.bend_y
 
 
+def motor_torques(
+    robot: Planar, s: ManusState, shoulder_braked: bool, elbow_braked: bool
+) -> tuple[float, float]:
+    """Return the torques of both motors on the joints [Nm], brakes included."""
+    brake = robot.brake_damping
+    return (
+        s.shoulder_torque - (brake * s.shoulder_velocity if shoulder_braked else 0.0),
+        s.elbow_torque - (brake * s.elbow_velocity if elbow_braked else 0.0),
+    )
+
+
 class _Hand(NamedTuple):
     """The hand over one substep: force = steady - gain x velocity of the handle [N], and mass [kg].
     """

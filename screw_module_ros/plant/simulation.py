@@ -3,21 +3,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 from .module import ModuleInput, ModuleState, VerticalParams
 from .patient import HandPath, hand_point
-from .planar import ManusInput, ManusState, PlanarParams, planar_step
+from .planar import ManusInput, ManusState
 from .vertical import vertical_step
 
 HAND_EVERY = 20  # substeps between exact points of the hand's path, straight lines between
 
 
 class SimulationParams(NamedTuple):
-    """Both mechanisms and the paths of the virtual hand."""
+    """Both mechanisms, the plane's of its plant, and the paths of the virtual hand."""
 
     vertical: VerticalParams
-    planar: PlanarParams
+    planar: Any
     path_x: HandPath
     path_y: HandPath
     path_z: HandPath
@@ -43,75 +45,66 @@ _PLANAR = _VERTICAL + len(ModuleState._fields)
 _HAND = _PLANAR + len(ManusState._fields)
 
 
-def advance(
-    p: SimulationParams,
-    s: SimulationState,
-    vertical_input: ModuleInput,
-    planar_input: ManusInput,
-    steps: int,
-) -> SimulationState:
-    """Return the state after `steps` substeps with the same inputs.
-
-    The hand's position in the inputs is ignored: it comes from the paths.
+@cache
+def advancing(planar_step: Callable) -> Callable:
+    """Return the function that takes the whole rig over many substeps; planar_step: of its plane.
     """
-    ticks, vertical, planar = s.ticks, s.vertical, s.planar
-    x, y, z, vx, vy, vz = s.x, s.y, s.z, s.vx, s.vy, s.vz
-    dt = p.vertical.dt
-    u, w = vertical_input, planar_input
-    for _ in range(steps):
-        if ticks % HAND_EVERY == 0:
-            time = ticks * dt
-            x, vx = hand_point(p.path_x, time)
-            y, vy = hand_point(p.path_y, time)
-            z, vz = hand_point(p.path_z, time)
-        side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
-        on_module = ModuleInput(
-            u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
-            z, vz, u.stage_speed, u.stage_target, side,
+
+    def advance(
+        parameters: Any,
+        numbers: Any,
+        vertical_input: ModuleInput,
+        planar_input: ManusInput,
+        steps: int,
+    ) -> None:
+        """Take the state `steps` substeps further with the same inputs, in place.
+
+        parameters: SimulationParams from `compiled.packed`. numbers: an array with those of
+        `numbers_of` the state. The hand's position in the inputs is ignored: it comes from the
+        paths.
+        """
+        n, p = numbers, parameters[0]
+        ticks = int(n[0])
+        vertical = ModuleState(
+            n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13],
+            n[14], n[15], n[16], n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
         )  # fmt: skip
-        on_plane = ManusInput(
-            w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
-            w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
+        planar = ManusState(
+            n[25], n[26], n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34], n[35], n[36],
+            n[37], n[38],
         )  # fmt: skip
-        vertical = vertical_step(p.vertical, vertical, on_module)
-        planar = planar_step(p.planar, planar, on_plane)
-        x += vx * dt
-        y += vy * dt
-        z += vz * dt
-        ticks += 1
-    return SimulationState(ticks, vertical, planar, x, y, z, vx, vy, vz)
+        x, y, z, vx, vy, vz = n[39], n[40], n[41], n[42], n[43], n[44]
+        dt = p.vertical.dt
+        u, w = vertical_input, planar_input
+        for _ in range(steps):
+            if ticks % HAND_EVERY == 0:
+                time = ticks * dt
+                x, vx = hand_point(p.path_x, time)
+                y, vy = hand_point(p.path_y, time)
+                z, vz = hand_point(p.path_z, time)
+            side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
+            on_module = ModuleInput(
+                u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
+                z, vz, u.stage_speed, u.stage_target, side,
+            )  # fmt: skip
+            on_plane = ManusInput(
+                w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
+                w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
+            )  # fmt: skip
+            vertical = vertical_step(p.vertical, vertical, on_module)
+            planar = planar_step(p.planar, planar, on_plane)
+            x += vx * dt
+            y += vy * dt
+            z += vz * dt
+            ticks += 1
+        n[0] = ticks
+        for i in range(_PLANAR - _VERTICAL):
+            n[_VERTICAL + i] = vertical[i]
+        for i in range(_HAND - _PLANAR):
+            n[_PLANAR + i] = planar[i]
+        n[39], n[40], n[41], n[42], n[43], n[44] = x, y, z, vx, vy, vz
 
-
-def advance_packed(
-    parameters: Any,
-    numbers: Any,
-    vertical_input: ModuleInput,
-    planar_input: ManusInput,
-    steps: int,
-) -> None:
-    """Do the same as `advance` in place, which is twice as fast to call.
-
-    parameters: from `compiled.packed`. numbers: an array with those of `numbers_of` the state.
-    """
-    n = numbers
-    vertical = ModuleState(
-        n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14],
-        n[15], n[16], n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
-    )  # fmt: skip
-    planar = ManusState(
-        n[25], n[26], n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34], n[35], n[36], n[37],
-        n[38],
-    )  # fmt: skip
-    s = SimulationState(
-        int(n[0]), vertical, planar, n[39], n[40], n[41], n[42], n[43], n[44]
-    )  # fmt: skip
-    s = advance(parameters[0], s, vertical_input, planar_input, steps)
-    n[0] = s.ticks
-    for i in range(_PLANAR - _VERTICAL):
-        n[_VERTICAL + i] = s.vertical[i]
-    for i in range(_HAND - _PLANAR):
-        n[_PLANAR + i] = s.planar[i]
-    n[39], n[40], n[41], n[42], n[43], n[44] = s.x, s.y, s.z, s.vx, s.vy, s.vz
+    return advance
 
 
 def numbers_of(s: SimulationState) -> list[float]:

@@ -32,7 +32,8 @@ from .patient import (
     moved_patient,
     resting_patient,
 )
-from .planar import ManusInput, handle_place, planar_params, resting_plane
+from .planar import ManusInput
+from .plane_plant import MANUS_PLANT, PlanePlant
 from .sensor import (
     DRAWS,
     Wrench,
@@ -46,7 +47,7 @@ from .settings import WorldSettings, load_world
 from .simulation import (
     SimulationParams,
     SimulationState,
-    advance_packed,
+    advancing,
     numbers_of,
     state_of,
 )
@@ -86,15 +87,22 @@ class World:
     All are held until changed and begin at zero and without power.
     """
 
-    def __init__(self, settings: WorldSettings, seed: int = 0, compile: bool = True):
+    def __init__(
+        self, settings: WorldSettings, seed: int = 0, compile: bool = True,
+        plane: PlanePlant = MANUS_PLANT,
+    ):  # fmt: skip
         """Stand the rig at its start position, at rest, in the patient's hand.
 
         seed: of the noise and of the transducer's zeros; the same seed and commands give the same
-        run. compile: False runs the plain functions, slower by a factor of about a hundred.
-        Raises ValueError when settings do not fit together, CompileError without numba.
+        run. compile: False runs the plain functions, slower by a factor of about a hundred. plane:
+        the planar arm; one of another package has its default settings. Raises ValueError when
+        settings do not fit together, CompileError without numba.
         """
         self.settings = validated(settings)
-        self._advance = compiled(advance_packed) if compile else advance_packed
+        self.plane = plane
+        self._plane = settings.planar if plane is MANUS_PLANT else plane.settings()
+        advance = advancing(plane.step)
+        self._advance = compiled(advance) if compile else advance
         self._measure = compiled(measured_wrench) if compile else measured_wrench
         self._prepared = packed if compile else lambda parameters: (parameters,)
         self._plain: Any = np.ndarray.tolist if compile else list
@@ -116,7 +124,7 @@ class World:
         self._state = SimulationState(
             0,
             resting_state(settings.vertical, start.position, upright),
-            resting_plane(settings.planar, start.x, start.y),
+            plane.rest(self._plane, start.x, start.y),
             start.x, start.y, start.position, 0.0, 0.0, 0.0,
         )  # fmt: skip
         numbers = numbers_of(self._state)  # of the same state, for `_advance`
@@ -133,7 +141,7 @@ class World:
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
                                 s.sensor.bandwidth, s.sensor.hysteresis),
-                planar_params(s.planar, arm, s.substep),
+                self.plane.params(self._plane, arm, s.substep),
                 *self._patient.paths,
             )
         )
@@ -208,11 +216,9 @@ class World:
     @property
     def planar_torque(self) -> tuple[float, float]:
         """Motor torques of shoulder and elbow [Nm], brakes included."""
-        plane, brake = self._state.planar, self.settings.planar.brake_damping
-        u = self._planar_input()
-        return (
-            plane.shoulder_torque - (brake * plane.shoulder_velocity if u.shoulder_braked else 0.0),
-            plane.elbow_torque - (brake * plane.elbow_velocity if u.elbow_braked else 0.0),
+        (on_1, on_2), (brake_1, brake_2) = self.planar_powered, self.planar_braked
+        return self.plane.torques(
+            self._plane, self._state.planar, brake_1 and not on_1, brake_2 and not on_2
         )
 
     def wrench(self) -> Wrench:
@@ -252,7 +258,7 @@ class World:
             joint_position=(plane.shoulder, plane.elbow),
             joint_velocity=(plane.shoulder_velocity, plane.elbow_velocity),
             joint_torque=self.planar_torque,
-            planar_position=handle_place(self.settings.planar, plane),
+            planar_position=self.plane.place(self._plane, plane),
             planar_force=(plane.force_x, plane.force_y),
             simulated_time=state.ticks * self.settings.substep,
             fixture=NAMES[self._fixture.acting],

@@ -20,10 +20,14 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock, PlainArrivals
+from screw_module_ros.control import arms
 from screw_module_ros.control.law import Law
 from screw_module_ros.control.laws import LAWS, flaw
+from screw_module_ros.control.laws import plane as plane_laws
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
+from screw_module_ros.control.plane_law import PlaneLaw
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices import force_sensors
@@ -44,6 +48,7 @@ from screw_module_ros.loop.plane_controller import JointSettings
 from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
+from screw_module_ros.plant.plane_plant import MANUS_PLANT, PlanePlant
 from screw_module_ros.plant.world import World, WorldSettings, load_world
 from screw_module_ros.profiles import (
     DRIVE,
@@ -189,11 +194,20 @@ class Row(NamedTuple):
     plane_reason: str
 
 
+def _check_plane(law: PlaneLaw, arm: arms.Arm) -> None:
+    """Raise SettingError when a law or an arm of others cannot be taken."""
+    if law not in plane_laws.PLANE_LAWS and (wrong := plane_laws.flaw(law)):
+        raise SettingError(f"law {law.name}: {wrong}")
+    if arm is not arms.FIVE_BAR and (wrong := arms.flaw(arm)):
+        raise SettingError(f"arm {arm.name}: {wrong}")
+
+
 class OneThreadRobot:
     """One robot. `tick` is one period; `rows` is what happened.
 
     laws: with those of others; work_ns: processor time that a law counts as used [ns], see
-    `LawRunner`; screw: for which encoder and amplifier are set.
+    `LawRunner`; screw: for which encoder and amplifier are set. plane_law, arm: of the plane's
+    controller; plane_plant: the simulated arm.
     """
 
     def __init__(
@@ -207,11 +221,14 @@ class OneThreadRobot:
         laws: tuple[Law, ...] = LAWS,
         work_ns: Callable[[], int] | None = None,
         screw: Screw = SCREW,
+        plane_law: PlaneLaw = PLANE_IMPEDANCE,
+        arm: arms.Arm = arms.FIVE_BAR,
+        plane_plant: PlanePlant = MANUS_PLANT,
     ):
         name = uuid.uuid4().hex
         self._buses: list[can.BusABC] = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
-        self.world = World(world or load_world(), seed)
+        self.world = World(world or load_world(), seed, plane=plane_plant)
         self.clock = OneThreadClock()
         self.requests = Requests(self.clock)
         settings = RigSettings(
@@ -224,6 +241,7 @@ class OneThreadRobot:
         for law in laws[len(LAWS) :]:
             if wrong := flaw(law):
                 raise SettingError(f"law {law.name}: {wrong}")
+        _check_plane(plane_law, arm)
         self.rig = Rig(far, self.world, self.clock, PERIOD_NS, settings)
         self.clock.serve = self._serve
         self._kept_ns = 0
@@ -269,7 +287,8 @@ class OneThreadRobot:
         )
         self.plane = Plane(
             self.planar_drives, self.ports["planar"], PERIOD_NS,
-            PlanarSettings(force_gain=STUDIED_GAIN), JointSettings(), PermitSettings(),
+            PlanarSettings(force_gain=STUDIED_GAIN, arm=arm.settings(), **arm.limits),
+            JointSettings(), PermitSettings(), law=plane_law, arm=arm, work_ns=work_ns,
         )  # fmt: skip
         self.setpoint = (math.nan, 0.0)
         self.planar_setpoint = (math.nan, math.nan, 0.0, 0.0)

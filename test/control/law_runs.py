@@ -6,8 +6,10 @@ from __future__ import annotations
 import math
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control import envelope, planar
+from screw_module_ros.control import envelope, plane_envelope
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 from screw_module_ros.control.laws.thesis import THESIS, Own
+from screw_module_ros.control.planar import PlanarInput
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import inverse, jacobian
@@ -18,6 +20,7 @@ NO_SETPOINT = (math.nan,) * 4
 UNKNOWN = (math.nan, math.nan)
 VERTICAL, PLANAR = VerticalSettings(), PlanarSettings()
 _thesis = envelope.enveloped(THESIS)
+_plane = plane_envelope.enveloped(PLANE_IMPEDANCE)
 
 
 def initial_state(settings=VERTICAL):
@@ -38,8 +41,18 @@ def vertical_outputs(inputs, law=VERTICAL, state=None):
 
 def planar_outputs(inputs, law=PLANAR, state=None):
     """Return the planar law's output for each input, one a tick."""
-    state = state or planar.initial_state(law)
-    return [planar.planar_step(law, state, inp, PLANE_DT) for inp in inputs]
+    state = state or initial_plane(law)
+    return [planar_step(law, state, inp) for inp in inputs]
+
+
+def initial_plane(law=PLANAR):
+    """Return the planar law's memory before the first step."""
+    return plane_envelope.initial_state(law, PLANE_IMPEDANCE, law)
+
+
+def planar_step(law, state, inp, dt=PLANE_DT):
+    """Return the planar law's output, and take its memory dt [s] further."""
+    return _plane(law, law, state, inp, dt)
 
 
 def plane_at(x, y, setpoint=NO_SETPOINT, velocity=(0.0, 0.0), force=UNKNOWN):
@@ -49,7 +62,7 @@ def plane_at(x, y, setpoint=NO_SETPOINT, velocity=(0.0, 0.0), force=UNKNOWN):
     determinant = x_s * y_e - x_e * y_s
     vx, vy = velocity
     speeds = (y_e * vx - x_e * vy) / determinant, (x_s * vy - y_s * vx) / determinant
-    return planar.PlanarInput(shoulder, elbow, *speeds, *setpoint, True, 0.0, 0.0, 0.0, *force)
+    return PlanarInput(shoulder, elbow, *speeds, *setpoint, True, 0.0, 0.0, 0.0, *force)
 
 
 def handle_force(output, inp):

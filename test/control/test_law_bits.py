@@ -37,14 +37,16 @@ from screw_module_ros.control.excitation import (
 )
 from screw_module_ros.control.law import Law
 from screw_module_ros.control.laws import LAWS, own_of
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits, limit_speed, soft_stop
 from screw_module_ros.control.linearization import IDENTITY, default_linearization
 from screw_module_ros.control.minimum_jerk import pace, way
 from screw_module_ros.control.modes import EXCITATION, OFF
-from screw_module_ros.control.planar import PlanarInput, planar_step
-from screw_module_ros.control.planar import initial_state as initial_plane
+from screw_module_ros.control.planar import PlanarInput
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.plane_envelope import enveloped as enveloped_plane
+from screw_module_ros.control.plane_envelope import initial_state as initial_plane
 from screw_module_ros.control.setpoint import Range, SetPoint, follow
 from screw_module_ros.control.slot import Slot, SlotInput, SlotLimits, half_width_at, slot_step
 from screw_module_ros.control.slot import initial_state as initial_slot
@@ -63,6 +65,7 @@ from screw_module_ros.settings import plain
 
 MODEL = thesis_friction()
 vertical_step = enveloped(THESIS)
+planar_step = enveloped_plane(PLANE_IMPEDANCE)
 SHIPPED = {law.name: law for law in LAWS}
 HEAD = """\
 # Versions of this package's laws: `make test ARGS="test/control/test_law_bits.py --write"`.
@@ -214,9 +217,10 @@ def planar_inputs(force_gain: float):
 
 def planar_run(force_gain: float) -> str:
     """Return the digest of all outputs of a run in the plane."""
-    state, shown = initial_plane(PlanarSettings(force_gain=force_gain)), []
+    begun = PlanarSettings(force_gain=force_gain)
+    state, shown = initial_plane(begun, PLANE_IMPEDANCE, begun), []
     for law, inp, dt in planar_inputs(force_gain):
-        shown += planar_step(law, state, inp, dt)
+        shown += planar_step(law, law, state, inp, dt)
     return digest(shown)
 
 
@@ -408,7 +412,7 @@ def vertical_twin(p, own, packed_state, inp, dt):
 
 
 def planar_twin(p, packed_state, inp, dt):
-    return planar_step(p, packed_state[0], inp, dt)
+    return planar_step(p, p, packed_state[0], inp, dt)
 
 
 @pytest.mark.long
@@ -424,10 +428,11 @@ def test_compiled_vertical_law():
 
 @pytest.mark.long
 def test_compiled_planar_law():
-    plain, limited_apart = initial_plane(PlanarSettings()), 0
+    begun = PlanarSettings()
+    plain, limited_apart = initial_plane(begun, PLANE_IMPEDANCE, begun), 0
     twin, fast = packed(plain), compiled(planar_twin)
     for law, inp, dt in planar_inputs(9.0):
-        expected, found = planar_step(law, plain, inp, dt), fast(law, twin, inp, dt)
+        expected, found = planar_step(law, law, plain, inp, dt), fast(law, twin, inp, dt)
         limited_apart += found.saturated != expected.saturated
         same_limit = found._replace(saturated=expected.saturated)
         assert same_limit == pytest.approx(expected, abs=1e-9, nan_ok=True)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from law_runs import PLANE_DT as DT
-from law_runs import handle_force, planar_outputs, plane_at
+from law_runs import handle_force, initial_plane, planar_outputs, planar_step, plane_at
 
-from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
+from screw_module_ros.control.arms import FIVE_BAR, reaches
+from screw_module_ros.control.planar import PlanarInput
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.geometry import PlanarArm, forward, inverse, jacobian, reaches
+from screw_module_ros.geometry import MANUS, PlanarArm, forward, inverse, jacobian
 
 SETTINGS = PlanarSettings().validated()
 PULLED = plane_at(0.1, 0.0, (0.0, 0.0, 0.0, 0.0))
@@ -25,7 +26,7 @@ def settled(inp, ticks=1500, law=SETTINGS):
 
 def full(law=SETTINGS):
     """State of a law that has faded in."""
-    state = initial_state(law)
+    state = initial_plane(law)
     state.weight, state.stiffness, state.damping = 1.0, law.stiffness, law.damping
     return state
 
@@ -90,7 +91,7 @@ def test_no_stop_presses_harder_on_the_hand_than_the_limit(reach, way, aim_x, ai
     """Also a joint's stop near a stretched arm, 1 cm behind the corners near the patient."""
     inp = plane_at(reach * math.sin(way), 0.60 - reach * math.cos(way), (aim_x, aim_y, 0.0, 0.0))
     assume(0.02 < inp.shoulder - inp.elbow < math.pi - 0.02)
-    state = initial_state(SETTINGS)
+    state = initial_plane(SETTINGS)
     state.weight = 1.0
     output = planar_outputs([inp] * 60, SETTINGS, state)[-1]
     assert math.hypot(*handle_force(output, inp)) <= SETTINGS.force_limit * (1.0 + 1e-9)
@@ -177,10 +178,10 @@ def test_the_links_are_those_of_the_settings():
 
 
 def test_what_an_arm_reaches():
-    assert reaches(0.0, 0.0)
-    assert reaches(0.0, 0.3)
-    assert not reaches(0.0, -0.33), "stretched towards the patient"
-    assert not reaches(0.0, 0.0, PlanarArm(upper_arm=0.2, forearm=0.2))
+    assert reaches(FIVE_BAR, 0.0, 0.0, MANUS)
+    assert reaches(FIVE_BAR, 0.0, 0.3, MANUS)
+    assert not reaches(FIVE_BAR, 0.0, -0.33, MANUS), "stretched towards the patient"
+    assert not reaches(FIVE_BAR, 0.0, 0.0, PlanarArm(upper_arm=0.2, forearm=0.2))
 
 
 def test_towards_an_edge_the_speed_limit_falls_with_the_way_left():

@@ -6,15 +6,15 @@ from itertools import pairwise
 
 import pytest
 from law_runs import PLANE_DT as DT
-from law_runs import handle_force, planar_outputs, plane_at
+from law_runs import handle_force, initial_plane, planar_outputs, planar_step, plane_at
 
-from screw_module_ros.control.planar import STANDING, initial_state, planar_step
 from screw_module_ros.control.planar_settings import (
     DELAY,
     STUDIED_GAIN,
     PlanarSettings,
     least_damping,
 )
+from screw_module_ros.control.plane_envelope import STANDING
 
 MASS = 6.5
 FED = PlanarSettings(force_gain=STUDIED_GAIN)
@@ -33,7 +33,7 @@ def pushed(force, seconds, law=PLAIN, friction=0.0):
 
     force: of the patient at a time [N]; friction: of the mass [N].
     """
-    state, speeds = initial_state(law), [0.0]
+    state, speeds = initial_plane(law), [0.0]
     for tick in range(round(seconds / DT)):
         push, speed = force(tick * DT), speeds[-1]
         inp = plane_at(0.0, 0.0, velocity=(speed * EAST, speed * NORTH),
@@ -66,7 +66,7 @@ def test_the_friction_that_the_hand_feels_is_divided(gain, push, moves):
 def test_the_limit_holds_at_a_hand_that_does_not_give_way(aim):
     """The hand answers with the force that presses on it: 45 N are reached and kept."""
     law = PLAIN._replace(stiffness=2000.0)
-    state, force = initial_state(law), (0.0, 0.0)
+    state, force = initial_plane(law), (0.0, 0.0)
     for _ in range(3000):
         inp = plane_at(0.0, 0.0, (*aim, 0.0, 0.0), force=force)
         force = tuple(-f for f in handle_force(planar_step(law, state, inp, DT), inp))
@@ -77,26 +77,26 @@ def test_the_limit_holds_at_a_hand_that_does_not_give_way(aim):
 @pytest.mark.parametrize(("speed", "most"), [(0.0, STANDING), (0.06, PLAIN.feedback_limit)])
 def test_a_false_force_is_worth_no_more_than_the_feedbacks_limit(speed, most):
     """And little while the handle stands."""
-    state = initial_state(PLAIN)
+    state = initial_plane(PLAIN)
     inp = plane_at(0.0, 0.0, velocity=(0.0, speed), force=(100.0, -70.0))
     *_, output = planar_outputs([inp] * 1000, PLAIN, state)
-    assert math.hypot(state.x.fed, state.y.fed) == pytest.approx(most)
+    assert math.hypot(state.helped_x, state.helped_y) == pytest.approx(most)
     assert math.hypot(*handle_force(output, inp)) <= most + 7.0 * speed
 
 
 @pytest.mark.parametrize("unknown", [(math.nan, math.nan), (math.inf, 0.0)])
 def test_without_a_force_the_gain_fades_and_the_impedance_is_left(unknown):
-    state, plain = initial_state(FED), initial_state(FED)
+    state, plain = initial_plane(FED), initial_plane(FED)
     known = plane_at(0.0, 0.0, (0.05, 0.0, 0.0, 0.0), force=(3.0, 1.0))
     *_, before = planar_outputs([known] * 1000, FED, state)
-    assert state.gain == FED.force_gain
+    assert state.law.gain == FED.force_gain
     lost = known._replace(force_x=unknown[0], force_y=unknown[1])
     outputs = planar_outputs([lost] * 500, FED, state)
     for one, other in pairwise([before, *outputs]):
         assert abs(other.shoulder_torque - one.shoulder_torque) <= FED.torque_rate * DT + 1e-9
         assert abs(other.elbow_torque - one.elbow_torque) <= FED.torque_rate * DT + 1e-9
     never_known = planar_outputs([known._replace(force_x=math.nan)] * 1500, FED, plain)
-    assert (state.gain, plain.gain) == (0.0, 0.0)
+    assert (state.law.gain, plain.law.gain) == (0.0, 0.0)
     assert handle_force(outputs[-1], lost) == pytest.approx(handle_force(never_known[-1], lost))
 
 
@@ -117,7 +117,7 @@ def shaken(frequency, speed, force, state):
 
 
 def test_a_robot_that_drives_an_oscillation_gets_a_damper_and_loses_gain():
-    state = initial_state(FED)
+    state = initial_plane(FED)
     outputs = shaken(12.0, 0.03, -4.0, state)
     braked = [output.force_x / output.vx for output in outputs if abs(output.vx) > 0.02]
     assert outputs[0].share == 1.0 and outputs[-1].share == 0.0
@@ -126,12 +126,12 @@ def test_a_robot_that_drives_an_oscillation_gets_a_damper_and_loses_gain():
 
 
 def test_a_hand_that_trembles_keeps_the_gain():
-    assert {output.share for output in shaken(5.0, 0.1, 4.0, initial_state(FED))} == {1.0}
+    assert {output.share for output in shaken(5.0, 0.1, 4.0, initial_plane(FED))} == {1.0}
 
 
 def test_chatter_that_no_velocity_shows_takes_gain_and_damper():
     """On a wall of 1e6 N/m, 60 Hz: a damper on a velocity that lags would keep it up."""
-    state = initial_state(FED)
+    state = initial_plane(FED)
     for tick in range(300):
         state.x.guard.passivity.need = 100.0
         force = (6.0 * math.sin(2.0 * math.pi * 60.0 * tick * DT), 0.0)
@@ -142,9 +142,9 @@ def test_chatter_that_no_velocity_shows_takes_gain_and_damper():
 
 
 def test_the_feedback_does_not_help_a_hand_over_the_edge():
-    state, inp = initial_state(PLAIN), plane_at(0.0, PLAIN.half_depth, force=(0.0, 30.0))
+    state, inp = initial_plane(PLAIN), plane_at(0.0, PLAIN.half_depth, force=(0.0, 30.0))
     *_, output = planar_outputs([inp] * 500, PLAIN, state)
-    assert state.y.fed > 5.0
+    assert state.helped_y > 5.0
     assert output.force_y < 0.0
     assert handle_force(output, inp)[1] == pytest.approx(output.force_y)
 
@@ -165,7 +165,7 @@ def test_an_obstacle_that_is_not_felt_is_not_pressed_with_all_of_the_gain():
 
 @pytest.mark.parametrize("stiffness", [50.0, 100.0, 200.0])
 def test_a_released_handle_comes_to_rest_in_a_slot_without_a_damper(stiffness):
-    state, place, speed, late, far = initial_state(FED), 0.03, 0.0, (0.0, 0.0), []
+    state, place, speed, late, far = initial_plane(FED), 0.03, 0.0, (0.0, 0.0), []
     for _ in range(4000):
         inp = plane_at(place, 0.0, velocity=(speed, 0.0), force=(0.0, 0.0))
         inp = inp._replace(slot_x=-stiffness * place, slot_weight=1.0)

@@ -9,9 +9,10 @@ import pytest
 from loop_parts import MS, open_axis
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.control.arms import FIVE_BAR
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Reach, Slot, SlotLimits
-from screw_module_ros.geometry import inverse
+from screw_module_ros.geometry import MANUS, inverse
 from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.loop.inputs import Guide
 from screw_module_ros.loop.plane import Plane
@@ -73,7 +74,7 @@ def test_a_joint_is_clear_of_its_stops_only_between_them(name):
     inward = 1e-6 if name.endswith("low") else -1e-6
     for place, clear in ((at + inward, True), (at, False), (at - inward, False)):
         angles = (place, 0.0) if name.startswith("shoulder") else (0.0, place)
-        assert clear_of_stops(law, *angles) == clear
+        assert clear_of_stops(FIVE_BAR, law, *angles) == clear
 
 
 def test_the_plane_is_homed_where_its_mark_is_and_only_at_rest(bench):
@@ -118,7 +119,8 @@ def test_a_joint_is_judged_by_motor_and_hand_together(bench, plane, sign, faulty
     controller = plane.controller
     controller.on_force(sample, bench.now_ns)
     controller.fault.clear()
-    pushed = hand_torques(*(each.motion.position for each in controller.joints), 20.0, -25.0)
+    angles = [each.motion.position for each in controller.joints]
+    pushed = hand_torques(FIVE_BAR, *angles, 20.0, -25.0, MANUS)
     assert max(map(abs, pushed)) > 3.0
     for _ in range(120):
         controller.check_frozen((sign * pushed[0], sign * pushed[1]), True)

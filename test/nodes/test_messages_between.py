@@ -20,6 +20,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.life import Phase
 from screw_module_ros.lockstep.clock import simulated_clock
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.loop.plane_controller import JointSettings
@@ -283,7 +284,7 @@ def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch
     node.period_ns = 2_000_000
     node.port = SimpleNamespace(clock=node.clock, counters=Counter())
     drive = SimpleNamespace(
-        settings=DriveSettings(), label="drive", running=False, request_disable=lambda: None
+        settings=DriveSettings(), label="drive", phase=Phase.NEW, request_disable=lambda: None
     )
     settings = (PlanarSettings(), JointSettings(), PermitSettings())
     node._plane = Plane((drive, drive), node.port, node.period_ns, *settings)

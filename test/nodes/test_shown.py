@@ -47,7 +47,8 @@ class Noted:
     [
         (ImpedanceState, fill_controller, "controller", {"header", "calibration", "law"}),
         (AmplifierState, fill_amplifier, "axis", {"header", "calibration"}),
-        (PlanarState, fill_plane, "plane", {"header", "sequence", "monotonic_ns"}),
+        (PlanarState, fill_plane, "plane",
+         {"header", "sequence", "monotonic_ns", "law", "arm"}),
     ],
 )
 def test_every_field_of_a_state_is_written_once(bench, kind, fill, part, by_the_node):
@@ -62,6 +63,19 @@ def shown_plane(bench, plane: PlanarState) -> EndpointState:
     message = EndpointState(monotonic_ns=plane.monotonic_ns)
     _fill_plane(message, carried(plane, message.monotonic_ns))
     return message
+
+
+def test_of_an_arm_that_the_urdf_does_not_describe_there_are_no_joints(bench):
+    """Who shows the URDF would take its angles for those of MIT-MANUS; where the hand is stays."""
+    plane = PlanarState()
+    before = shown_plane(bench, plane)
+    plane.arm = "five_bar 0123456789ab"
+    assert planar_joints(carried(plane, bench.now_ns)).keys() == {"shoulder", "elbow"}
+    plane.arm = "serial 0123456789ab"
+    assert planar_joints(carried(plane, bench.now_ns)) == {}
+    message = EndpointState(monotonic_ns=plane.monotonic_ns)
+    _fill_plane(message, carried(plane, message.monotonic_ns))
+    assert message.valid[0] and message.position.x == before.position.x
 
 
 def test_the_plane_is_invalid_while_a_drive_is_silent(bench):

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control import modes
-from screw_module_ros.control import planar as planar_law
+from screw_module_ros.control import modes, plane_envelope
 from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.laws import all_names
+from screw_module_ros.control.laws.plane_impedance import PLANE_IMPEDANCE
 from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.limits import LONGEST_STEP
-from screw_module_ros.control.planar import PlanarInput, planar_step
+from screw_module_ros.control.planar import PlanarInput
 from screw_module_ros.control.planar_settings import STUDIED_GAIN, PlanarSettings
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -29,6 +29,7 @@ from screw_module_ros.settings import fields, validated
 MODEL = thesis_friction()
 ROUNDING = 1e-9
 vertical_step = enveloped(THESIS)
+planar_step = plane_envelope.enveloped(PLANE_IMPEDANCE)
 periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.1))
 
 
@@ -107,7 +108,9 @@ class PlanarLaw(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.settings = PlanarSettings(force_gain=STUDIED_GAIN).validated()
-        self.state = planar_law.initial_state(self.settings)
+        self.state = plane_envelope.initial_state(
+            self.settings, PLANE_IMPEDANCE, self.settings
+        )
         self.torques = (0.0, 0.0)
 
     @rule(change=live_changes(PlanarSettings))
@@ -126,7 +129,7 @@ class PlanarLaw(RuleBasedStateMachine):
     def sample(self, angles, velocities, wanted, speed, active, dt, repeats):
         inp = PlanarInput(*angles, *velocities, *wanted, *speed, active)
         for _ in range(repeats):
-            output = planar_step(self.settings, self.state, inp, dt)
+            output = planar_step(self.settings, self.settings, self.state, inp, dt)
             self.judge(inp, dt, output)
 
     def judge(self, inp, dt, output):

@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from screw_module_ros.geometry import forward, inverse
+from screw_module_ros.control.arms import FIVE_BAR
+from screw_module_ros.geometry import MANUS, forward, inverse
 from screw_module_ros.loop.plane_controller import hand_torques
 from screw_module_ros.safety.checks import (
     HOME_AGAIN,
@@ -146,7 +147,7 @@ def test_off():
 def test_a_hand_s_force_does_its_work_at_the_joints():
     """Power at the handle is power at the joints: F v = tau w, for a small turn of each."""
     s, e = inverse(0.05, 0.03)
-    torques = hand_torques(s, e, 7.0, -3.0)
+    torques = hand_torques(FIVE_BAR, s, e, 7.0, -3.0, MANUS)
     (x, y), turn = forward(s, e), 1e-6
     for torque, (ds, de) in zip(torques, ((turn, 0.0), (0.0, turn)), strict=True):
         moved_x, moved_y = forward(s + ds, e + de)

@@ -122,10 +122,13 @@ def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
     return laws
 
 
-def refusal(law: Law, settings: Any, mode: int) -> str:
-    """Return why settings do not go with a mode of a law, empty if they do."""
+def refusal(law: Any, settings: Any, *mode: int) -> str:
+    """Return why settings do not go with a mode of a law, empty if they do.
+
+    law: of the plane too, which has no modes.
+    """
     try:
-        said = law.refusal(settings, mode)
+        said = law.refusal(settings, *mode)
     except Exception as error:  # the law may be somebody else's: anything may come out of it
         return f"law {law.name}: refusal: {type(error).__name__}: {error}"
     if said is None or isinstance(said, str):
@@ -139,11 +142,10 @@ def flaw(law: Law) -> str:
 
 
 def _flaw_of_kind(law: Law) -> str:
-    if not isinstance(law.name, str) or not law.name.isidentifier() or law.name == "self":
-        return f"its name, {law.name!r}, is also the prefix of its parameters: use letters"
     functions = ("foresee", "ask", "help", "rest", "memory", "own", "refusal")
-    if no := [name for name in functions if not callable(getattr(law, name))]:
-        return f"its {no[0]} is no function"
+    wrong = plugins.prefix_flaw(law.name) or plugins.functions_flaw(law, functions)
+    if wrong:
+        return wrong
     if law.heeds:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
     if not isinstance(law.shown, tuple) or len(law.shown) > MOST_SHOWN:
@@ -171,12 +173,10 @@ def _flaw_of_modes(law: Law) -> str:
 
 def _flaw_of_settings(law: Law) -> str:
     kind: Any = law.settings
-    if not hasattr(kind, "_fields") or not isinstance(law.settings, type):
-        return "its settings are no NamedTuple"
     if any(kind is other.settings for other in LAWS):
         return "its settings are those of a law of this package: make a NamedTuple of your own"
-    if bare := sorted(set(kind._fields) - {*kind._field_defaults}):
-        return f"its setting {bare[0]} has no default"
+    if wrong := plugins.settings_flaw(kind):
+        return wrong
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
     if unknown := sorted(gains - set(kind._fields)):
         return f"its gain {unknown[0]} is none of its settings"
