@@ -161,6 +161,10 @@ class Drive(DriveReports):
         """Return whether it is in operation enabled, by a fresh statusword, and in torque mode."""
         return self.state(now_ns) is State.OPERATION_ENABLED and self.mode_confirmed
 
+    def is_enabled(self, now_ns: int) -> bool:
+        """Return whether it is in operation enabled, by a fresh statusword, in whatever mode."""
+        return self.state(now_ns) is State.OPERATION_ENABLED
+
     def write(self, torque_nm: float, now_ns: int) -> float:
         """Send one command; return its torque [Nm], zero unless enabled on request.
 
@@ -221,10 +225,20 @@ class Drive(DriveReports):
         return 0.0
 
     def _check_silence(self, now_ns: int) -> None:
-        """Count the configuration as lost when the drive may have restarted unheard."""
+        """Count the configuration as lost when the drive may have restarted unheard.
+
+        Where another node sends SYNC, tell first that none has come for a drive to answer.
+        """
         given = self.reading
         last_ns = max(self._started_ns, given.monotonic_ns if given else 0)
-        if now_ns - last_ns <= _UNHEARD_NS:
+        unheard = now_ns - last_ns > _UNHEARD_NS
+        unasked = not self._port.sync_producer and self.synced_ns <= last_ns
+        if unasked and (unheard or self.logic.enabling):
+            self.logic.latch(
+                f"no SYNC comes on {self._port.name}, so the {self.label} says nothing: start the "
+                "node that sends it (can.sync_producer), then clear the fault"
+            )
+        if not unheard:
             return
         self.need(Remedy.RESET)
         self.logic.explain(self.emergency)

@@ -44,7 +44,8 @@ class DriveReports(CanopenDevice):
     illegal_transitions (states that cannot follow each other), slow_polls_failed (of what TPDO2
     does not bring). Of a longer frame the mapped bytes count, which come first (CiA 301, 7.5.2.36).
     logic: goal and fault of the drive. reading: the newest cyclic answer, None before the first.
-    shown: the state in it. torque_of: torque of one in command and actual torque [Nm], direction
+    shown: the state in it. synced_ns: arrival of the last SYNC, 0 without any since the start.
+    torque_of: torque of one in command and actual torque [Nm], direction
     included. mode_confirmed: the drive has said that it is in torque mode, since it can tell.
     """
 
@@ -166,7 +167,7 @@ class DriveReports(CanopenDevice):
         """Drop the states shown before a start."""
         self.reading: DriveReading | None = None
         self.shown = State.UNKNOWN
-        self._syncs_owed = 0
+        self.synced_ns = self._syncs_owed = 0
         self._foreign_sync = self._port.counters["foreign_sync"]
         self._surplus.restart(*self._answers)
 
@@ -251,7 +252,8 @@ class DriveReports(CanopenDevice):
         """Latch that more than one device obeys our commands."""
         self.logic.latch(self._twins(shown))
 
-    def _on_sync(self, _data: bytes, _arrival_ns: int) -> None:
+    def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
+        self.synced_ns = arrival_ns
         self._syncs_owed += 1
         if self._syncs_owed > self.settings.sync_divider:
             self.counters["missing"] += 1

@@ -67,7 +67,10 @@ class Switch(Protocol):
         """Whether it is on its way out of operation enabled."""
 
     def is_on(self, now_ns: int) -> bool:
-        """Return whether it is in operation enabled, by a fresh statusword."""
+        """Return whether torque may pass: it is in operation enabled, and in torque mode."""
+
+    def is_enabled(self, now_ns: int) -> bool:
+        """Return whether it is in operation enabled, by a fresh statusword, in whatever mode."""
 
     def refusal(self) -> str:
         """Return why it cannot be enabled now, empty if it can."""
@@ -230,7 +233,7 @@ class Permit:
 
     def at_rest(self, now_ns: int) -> bool:
         """Return whether the gate is closed and no drive is in operation enabled at now_ns [ns]."""
-        return self.phase == CLOSED and not any(drive.is_on(now_ns) for drive in self.drives)
+        return self.phase == CLOSED and not any(each.is_enabled(now_ns) for each in self.drives)
 
     @property
     def faulted(self) -> bool:

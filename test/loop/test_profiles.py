@@ -427,6 +427,18 @@ def test_a_drive_that_comes_up_in_another_mode_gives_no_torque(ready, like, stat
     assert not bench.rig.devices["drive"].machine.driving
 
 
+def test_a_drive_that_is_enabled_in_another_mode_is_not_at_rest(ready, like):
+    """Nothing may be written to it, and no home taken, before it has gone off."""
+    bench = ready(drive=like("{}", "{mode_shown: enabled}", "{mode_shown: enabled}"))
+    permit = bench.axis.permit
+    assert permit.at_rest(bench.now_ns)
+    bench.rig.inject("drive", "mode_lost", 0.0, 0.0, bench.now_ns)
+    bench.drive.request_enable()
+    bench.ticks(20)
+    assert not bench.drive.is_on(bench.now_ns) and not permit.enabled
+    assert not permit.at_rest(bench.now_ns)
+
+
 CURRENT_DRIVES = ("epos2", "ipos", "kinco")
 #: Where each keeps the command at its limit of 1.6 Nm, and what it is then.
 LIMITS = {"epos2": ((0x6410, 2), 10_000), "ipos": ((0x207F, 0), 32_767 - 16_381)}

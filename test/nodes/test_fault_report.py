@@ -50,7 +50,7 @@ def test_slow_values_are_read_each_five_seconds_while_the_node_is_active(make_no
 def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, tared, level):
     """With force feedback the handle's weight would press on the hand, several times over."""
     node = make_node("force_sensor")
-    node.device = SimpleNamespace(bias=(0.0, 0.0, bias, 0.0, 0.0, 0.0), tared=tared, voltages={})
+    node.device = SimpleNamespace(bias=(0.0, 0.0, bias, 0.0, 0.0, 0.0), tared=tared, shown={})
     monkeypatch.setattr(node, "sensor_health", lambda shown: Health(OK, "sampling", shown))
     health = node.health()
     assert health.level == level
@@ -60,7 +60,7 @@ def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, tared
 def test_a_drifted_zero_is_shown_once_nobody_holds_the_handle(make_node, monkeypatch):
     """It is shown alone: what removes it is a tare."""
     node = make_node("force_sensor")
-    node.device = SimpleNamespace(bias=(0.0,) * 6, tared=True, voltages={})
+    node.device = SimpleNamespace(bias=(0.0,) * 6, tared=True, shown={})
     node._wrench_every, node._watched = 5, 200
     node._send_wrench = node.publish_packed = lambda *each: None
     monkeypatch.setattr(node, "sensor_health", lambda shown: Health(OK, "sampling", shown))

@@ -38,6 +38,7 @@ class Switch:
     """A drive as the gate sees it."""
 
     on: bool = True
+    in_another_mode: bool = False
     fault: str = ""
     refused: str = ""
     recovering: bool = False
@@ -45,6 +46,9 @@ class Switch:
     asked: list[str] = field(default_factory=list)
 
     def is_on(self, now_ns):
+        return self.on and not self.in_another_mode
+
+    def is_enabled(self, now_ns):
         return self.on
 
     def refusal(self):
@@ -304,6 +308,8 @@ def test_at_rest_is_closed_with_every_drive_off(opened):
     assert not opened.permit.at_rest(opened.now_ns)
     opened.ask(opened.permit.close)
     assert not opened.permit.at_rest(opened.now_ns), "the drive still shows operation enabled"
+    opened.drives[0].in_another_mode = True
+    assert not opened.permit.at_rest(opened.now_ns), "enabled in another mode is enabled"
     opened.drives[0].on = False
     assert opened.permit.at_rest(opened.now_ns)
 
