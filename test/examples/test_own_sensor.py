@@ -14,16 +14,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from geometry_msgs.msg import WrenchStamped
 
 from screw_module_ros import profiles
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices import force_sensors
 from screw_module_ros.devices.errors import NotConfigured, NotNow, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.profiles import NETCANOEM
 from screw_module_ros.settings import SettingError
 from screw_module_ros.trials.one_thread import OneThreadRobot
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = pytest.mark.long
 
@@ -241,3 +244,23 @@ def test_it_is_chosen_by_devices_as_any_other_make():
     assert profiles.by_kind("epos4,mycell:load_cell") == {
         profiles.DRIVE: "epos4", profiles.FORCE_SENSOR: PROFILE,
     }  # fmt: skip
+
+
+@pytest.mark.graph
+def test_the_real_graph_runs_with_it():
+    """In nodes of their own it samples, is tared, restarts, and is set up again when asked."""
+    nodes = ["sim_rig", "supervisor", "encoder", "force_sensor"]
+    with GraphRun(only=nodes, devices=PROFILE) as graph, Robot("tester") as robot:
+        graph.wait_until_ready(robot)
+        assert robot.tare().startswith("tared, removing")
+        robot.wait_until(  # the newest message may be of before the tare
+            lambda: abs(robot.newest(WrenchStamped).wrench.force.z) < 0.5, 5.0, "no new zero"
+        )
+        robot.inject("force_sensor", "reset")
+        robot.wait_until(
+            lambda: "the force sensor restarted (boot-up)" in robot.complaints_text(), 5.0,
+            "nobody says that the sensor has restarted",
+        )  # fmt: skip
+        assert robot.tare().startswith("tared, removing")
+        robot.wait_until(lambda: not robot.complaints(), 5.0, "the sensor's fault stays")
+        assert robot.newest(WrenchStamped)
