@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import ExitStack
+from typing import ClassVar
 
 import pytest
 from loop_parts import twin_of
 
 from screw_module_ros.can_io.bus import BusSettings, where
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.encoder import Encoder
+from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.life import Phase
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.graph import bus_of as bus_of_node
@@ -460,3 +464,64 @@ def test_a_make_that_needs_parameters_in_the_simulation_gets_them_in_each_node()
     }  # fmt: skip
     assert found["encoder"] == {"profile": "sick_ahm36"}
     assert node_parameters("epos2", simulation=False)["amplifier"] == {"profile": "epos2"}
+
+
+class OwnLine:
+    """A line that is no bus: each request is answered at the next look."""
+
+    name, failed, bus_off = "its own line", False, False
+
+    def __init__(self, clock):
+        self.clock, self.counters, self.closed = clock, Counter(), False
+        self.asked, self.device = 0, None
+
+    def pump(self, until_ns=0):
+        asked, self.asked = self.asked, 0
+        if asked:
+            self.device.take(0, (0.0, 0.0, 1e-3 * (self.clock.now_ns() // PERIOD_NS % 7), 0, 0, 0))
+        self.clock.sleep_until(until_ns)
+        return asked
+
+    def restore(self):
+        """Nothing fails here."""
+
+    def close(self):
+        self.closed = True
+
+
+class OffCan(ForceSensor):
+    """A force sensor that no bus reaches."""
+
+    SATURATED = 1000.0
+    lines: ClassVar[list[OwnLine]] = []
+
+    @classmethod
+    def opened(cls, settings, own, open_port, clock):
+        cls.lines.append(OwnLine(clock))
+        cls.lines[-1].device = sensor = cls(cls.lines[-1], settings, own=own)
+        return sensor
+
+    def identify(self):
+        self.identity = "a sensor off CAN"
+        return [tuple(float(row == column) for column in range(6)) for row in range(6)]
+
+    def ask(self, monotonic_ns):
+        self.port.asked = 1
+
+
+def test_a_force_sensor_that_is_not_on_can_is_looked_at_on_its_own_line(tmp_path):
+    file = tmp_path / "off_can.yaml"
+    file.write_text(
+        "format: screw_module_ros/device\nversion: 1\nkind: force_sensor\nmake: theirs\n"
+        "tried: nowhere\nsources: []\n"
+        f"force_sensor: {{protocol: '{__name__}:OffCan'}}\n"
+    )
+    values = {"force_sensor": {"profile": str(file)}}
+    clock = ManualClock(10**12)
+    found = command.check(values, ["force_sensor"], clock, 0, 0.2, lambda text: None)
+    shown = {each.what: each for each in found}
+    assert shown["force_sensor"].found == "a sensor off CAN"
+    assert shown["force_sensor lost answers"].verdict == OK
+    assert shown["force sensor noise"].verdict == OK
+    assert not any("load" in what for what in shown), "it loads no bus"
+    assert OffCan.lines[-1].closed
