@@ -12,7 +12,7 @@ from pathlib import Path
 from file_damage import BYTES
 from runner import sentence
 
-from screw_module_ros.nodes.support.place import STATE_VARIABLE, Kept
+from screw_module_ros.nodes.support.place import STATE_VARIABLE, SavedState
 from screw_module_ros.safety import supervision
 from screw_module_ros.safety.supervision import SupervisorState
 
@@ -45,7 +45,7 @@ class KeptState:
         )  # fmt: skip
         if not (left.latched or left.estopped or left.locked):
             left = left._replace(estopped=True)
-        kept = Kept("/supervisor")
+        kept = SavedState("/supervisor")
         kept.write(supervision.kept(left))
         whole = kept.path.read_bytes()
         if rng.random() < 0.2:
@@ -54,7 +54,7 @@ class KeptState:
             content = rng.choice(BYTES)(rng, whole)
         kept.path.write_bytes(content)
         try:
-            found = supervision.restored(Kept("/supervisor").read())
+            found = supervision.restored(SavedState("/supervisor").read())
         except (OSError, ValueError) as error:  # what the node takes for an emergency stop
             sentence(error)
             self.counts["unreadable: stopped"] += 1
