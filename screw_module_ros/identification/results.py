@@ -21,9 +21,8 @@ from ..settings_file import parse
 from ..thesis import fact, figure, unit_of
 from .uncertainty import PER_INTERVAL, Source, stated
 
-MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
-"""Kinds of a quantity: found from the samples of trials; calculated without one; a printed value
-passed on."""
+MEASURED, DERIVED = "measured", "derived"
+"""Kinds of a quantity: found from the samples of trials; calculated without one."""
 
 
 class Published(NamedTuple):
@@ -64,8 +63,8 @@ class Published(NamedTuple):
 class Quantity(NamedTuple):
     """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
 
-    unit: SI symbol, empty for a pure number; text: description for a table; kind: MEASURED, DERIVED
-    or GIVEN; thesis: its figure, None = not printed; sources: of the uncertainty (`from_sources`).
+    unit: SI symbol, empty for a pure number; text: description for a table; kind: MEASURED or
+    DERIVED; thesis: its figure, None = not printed; sources: of the uncertainty (`from_sources`).
     """
 
     name: str
