@@ -10,11 +10,12 @@ import pytest
 from screw_module_msgs.msg import PlanarState, SafetyState
 
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.recording.decoded import read_bag
 from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-CHAIN = ["sim_rig", "supervisor", "encoder", "force_sensor", "manus"]
+CHAIN = ["sim_rig", "supervisor", "encoder", "force_sensor", "manus", "session_recorder"]
 HERE = Path(__file__)
 PLACES = (HERE.parents[1] / "loop", HERE.parents[2] / "examples" / "own_arm")
 GIVEN = (
@@ -25,11 +26,12 @@ GIVEN = (
 )
 
 
-def test_a_law_and_an_arm_of_others_move_the_hand_and_a_failure_is_told(monkeypatch):
-    """By parameters alone: no file of the package knows either."""
+def test_a_law_and_an_arm_of_others_move_the_hand_and_a_failure_is_told(monkeypatch, tmp_path):
+    """By parameters alone: no file of the package knows either. A recording says what ran."""
     for place in PLACES:
         monkeypatch.setenv("PYTHONPATH", str(place), prepend=os.pathsep)
-    extra = [word for given in GIVEN for word in ("-p", given)]
+    givens = (*GIVEN, f"session_recorder:folder:={tmp_path}")
+    extra = [word for given in givens for word in ("-p", given)]
     with GraphRun(only=CHAIN, extra=extra) as graph:
         with Robot("tester", watch=graph.watch) as robot:
             graph.wait_until_ready(robot)
@@ -41,11 +43,16 @@ def test_a_law_and_an_arm_of_others_move_the_hand_and_a_failure_is_told(monkeypa
             robot.tare()
             robot.permit()
             robot.enable_plane()
+            bag = robot.start_recording()
             robot.set_parameter("manus", "asked.pull_x", 20.0)
             robot.wait_until(
                 lambda: robot.newest(PlanarState).position[0] > 0.01, 20.0, "nothing moves"
             )
             assert robot.newest(PlanarState).law_values[0] > 100.0
+            robot.stop_recording()
+            recorded = [each.message for each in read_bag(bag, ["/manus/state"])]
+            assert {(each.law, each.arm) for each in recorded} == {(state.law, state.arm)}
+            assert recorded[-1].law_values[0] > recorded[0].law_values[0]
             robot.set_parameter("manus", "asked.raises", True)
             robot.wait_until(
                 lambda: robot.newest(PlanarState).reason
