@@ -123,6 +123,7 @@ class ImpedanceControllerNode(Node):
         )  # fmt: skip
         self._laws = loaded(self.parameters.read(ControllerSettings).laws)
         self._foreign = self._laws[len(LAWS) :]
+        self._apart = [law for law in self._laws if law.settings is not VerticalSettings]
         self._names = all_names(self._laws)
         self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
         self._declare_laws()
@@ -137,8 +138,8 @@ class ImpedanceControllerNode(Node):
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
     def _declare_laws(self) -> None:
-        """Make parameters of the settings of laws of others, below each law's name."""
-        for law in self._foreign:
+        """Make parameters of settings that are a law's own, below the law's name."""
+        for law in self._apart:
             if self.parameters.knows(law.name):
                 raise SettingError(
                     f"law {law.name}: this node has parameters of that name: rename it"
@@ -202,7 +203,7 @@ class ImpedanceControllerNode(Node):
         """Return the settings, and other laws' parameters, with gains within the limits."""
         values: dict[str, Any] = {}
         for law in self._laws:
-            if law in self._foreign:
+            if law in self._apart:
                 own = self._settings_of(law)
                 within = limits.chosen(law, own)._asdict().items()
                 values |= {
@@ -257,7 +258,7 @@ class ImpedanceControllerNode(Node):
             self.parameters.read(SlotLimits, "slot"),
             self._activations,
             self._laws,
-            {law.name: self._settings_of(law) for law in self._foreign},
+            {law.name: self._settings_of(law) for law in self._apart},
             self.clock.work_ns,
         )
         self._resets: int | None = None  # as the supervisor counts them
@@ -302,7 +303,7 @@ class ImpedanceControllerNode(Node):
         return self._problem(law, mode, changes)
 
     def _settings_of(self, law: Law, changes: Mapping[str, Any] = _NO_CHANGES) -> Any:
-        """Return the settings of a law of others."""
+        """Return the settings of a law that has its own."""
         return self.parameters.read(law.settings, law.name, changes)
 
     def _law_refusal(
@@ -317,8 +318,8 @@ class ImpedanceControllerNode(Node):
     def _own(
         self, law: Law, settings: VerticalSettings, changes: Mapping[str, Any] = _NO_CHANGES
     ) -> Any:
-        """Return the settings of a law; settings: of the envelope, and of this package's laws."""
-        return self._settings_of(law, changes) if law in self._foreign else settings
+        """Return a law's settings; settings: of the envelope, and of laws without their own."""
+        return self._settings_of(law, changes) if law in self._apart else settings
 
     @property
     def _may_act(self) -> bool:
@@ -362,7 +363,7 @@ class ImpedanceControllerNode(Node):
         elif kind is ControllerSettings and self.active:
             self.role.mode = self.parameters.read(ControllerSettings).mode
         elif self.active:
-            for law in (law for law in self._foreign if law.settings is kind):
+            for law in (law for law in self._apart if law.settings is kind):
                 self.role.laws.choose(law.name, self._settings_of(law))
 
     # Hot loop ------------------------------------------------------------------------------

@@ -206,7 +206,8 @@ class OneThreadRobot:
     """One robot. `tick` is one period; `rows` is what happened.
 
     laws: with those of others; work_ns: processor time that a law counts as used [ns], see
-    `LawRunner`; screw: for which encoder and amplifier are set. plane_law, arm: of the plane's
+    `LawRunner`; screw: for which encoder and amplifier are set, amplifier_screw: the
+    amplifier where it is another. plane_law, arm: of the plane's
     controller; plane_plant: the simulated arm.
     """
 
@@ -221,10 +222,12 @@ class OneThreadRobot:
         laws: tuple[Law, ...] = LAWS,
         work_ns: Callable[[], int] | None = None,
         screw: Screw = SCREW,
+        amplifier_screw: Screw | None = None,
         plane_law: PlaneLaw = PLANE_IMPEDANCE,
         arm: arms.Arm = arms.FIVE_BAR,
         plane_plant: PlanePlant = MANUS_PLANT,
     ):
+        turning = amplifier_screw or screw
         name = uuid.uuid4().hex
         self._buses: list[can.BusABC] = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
@@ -255,7 +258,7 @@ class OneThreadRobot:
             chosen, lambda *_claims: self.ports["force_sensor"], self.clock
         )
         drive = (drive or DriveSettings())._replace(**profile.simulated.parameters)
-        self.drive = Drive(self.ports["drive"], drive, per_turn=screw.lead, profile=profile)
+        self.drive = Drive(self.ports["drive"], drive, per_turn=turning.lead, profile=profile)
         beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
         shoulder, elbow = (
             Drive(
@@ -283,7 +286,7 @@ class OneThreadRobot:
             self.ports["drive"],
             PERIOD_NS,
             PermitSettings(),
-            TorqueChain(screw=screw, linearization=default_linearization()),
+            TorqueChain(screw=turning, linearization=default_linearization()),
         )
         self.plane = Plane(
             self.planar_drives, self.ports["planar"], PERIOD_NS,

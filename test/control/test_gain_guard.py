@@ -20,7 +20,8 @@ from screw_module_ros.control.gain_guard import (
     guarded,
     tune_guard,
 )
-from screw_module_ros.control.laws import gains_of, variants
+from screw_module_ros.control.laws import gains_of
+from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.vertical import VerticalInput
 
 LIMIT, LEAST = 1.2, 0.6
@@ -213,7 +214,7 @@ def test_shaking_that_no_gain_causes_takes_no_gain_away(inp):
     assert law_after(inp, sine(10.0, 120.0)).share == 1.0
 
 
-@pytest.mark.parametrize("mode", [mode for mode in variants() if mode != modes.IMPEDANCE])
+@pytest.mark.parametrize("mode", [mode for mode in THESIS.variants if mode != modes.IMPEDANCE])
 def test_shaking_in_a_mode_with_a_gain_takes_it_away(mode):
     assert law_after(REST._replace(mode=mode), sine(10.0, 120.0)).share == 0.0
 
@@ -255,7 +256,7 @@ def test_a_set_point_that_moves_the_hand_takes_no_gain_away(mode):
     assert height - AT > 0.02
 
 
-@pytest.mark.parametrize("mode", list(filter(gains_of, variants())))
+@pytest.mark.parametrize("mode", list(filter(gains_of, THESIS.variants)))
 @pytest.mark.parametrize(("hand", "left"), [(30.0, 0.0), (8.0, VERTICAL.standing_force - 8.0)])
 def test_a_nut_that_stands_against_more_than_friction_is_pressed_by_nothing_else(mode, hand, left):
     """An obstacle that the transducer does not feel met up to 113 N."""

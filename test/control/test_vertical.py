@@ -9,9 +9,12 @@ from law_runs import DT, MODEL, initial_state, vertical_outputs, vertical_step
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.control.laws import gains_of, names
+from screw_module_ros.control.laws import gains_of
+from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
+
+MODES = (modes.OFF, *THESIS.variants)
 
 SETTINGS = VerticalSettings().validated()
 REST = VerticalInput(modes.IMPEDANCE, 0.10, 0.0, 0.0, 0.18, 0.0, True)
@@ -48,7 +51,7 @@ def test_impedance_is_spring_and_gravity():
     assert (output.friction, output.feedback, output.saturated) == (0.0, 0.0, False)
 
 
-@pytest.mark.parametrize("mode", names())
+@pytest.mark.parametrize("mode", MODES)
 def test_what_feeds_the_force_back_is_known_to_need_a_force_sample(mode):
     """The gates of force sample and gain limits ask for its gains: a mode must not pass by them."""
     at_rest = REST._replace(mode=mode, position=0.18)
@@ -206,7 +209,7 @@ def test_towards_an_end_the_driving_force_fades(end, way):
         assert output.force == pytest.approx(40.0 * way * left, abs=1e-9)
 
 
-@pytest.mark.parametrize("mode", names())
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(("size", "same"), [(0.08, True), (0.16, False)])
 def test_inside_the_travel_the_braking_of_the_ends_changes_no_bit(mode, size, same):
     """A hand that stays 0.1 m away from both ends; one that comes near them is braked."""
@@ -249,8 +252,8 @@ def test_a_time_step_that_cannot_be_gives_zero(dt):
     assert vertical_step(SETTINGS, run(REST)[1], REST, dt).force == 0.0
 
 
-@pytest.mark.parametrize("first", names())
-@pytest.mark.parametrize("second", names())
+@pytest.mark.parametrize("first", MODES)
+@pytest.mark.parametrize("second", MODES)
 def test_a_switch_in_use_is_not_felt(first, second):
     """The thesis's spring 5 cm off its centre, moved by hand: less than 0.3 N per step.
 

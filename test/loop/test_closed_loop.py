@@ -131,9 +131,9 @@ def test_a_frozen_encoder_shows_in_motion(enabled):
     assert "disagree" in enabled.rows[-1].reason
 
 
-def swung(settings=None):
+def swung(settings=None, **others):
     """Return the last row of a robot whose handle the patient has swung, enabled, for 1.2 s."""
-    bench = OneThreadRobot(drive=settings)
+    bench = OneThreadRobot(drive=settings, **others)
     bench.ready()
     bench.controller.mode = modes.IMPEDANCE
     assert bench.enable() == ""
@@ -155,10 +155,17 @@ def test_a_drive_of_another_resolution_agrees_with_the_encoder(monkeypatch):
     assert row.reason == "" and row.torque != 0.0
 
 
-def test_encoder_and_drive_on_different_leads_are_noticed(monkeypatch):
+def test_a_robot_with_another_screw_runs_with_its_lead_alone():
+    """Encoder, drive and torque chain are told it; nothing else knows of a screw."""
+    world = load_world()
+    world = world._replace(vertical=world.vertical._replace(lead=0.0127))
+    row = swung(world=world, screw=Screw(0.0127))
+    assert row.reason == "" and row.torque != 0.0
+
+
+def test_encoder_and_drive_on_different_leads_are_noticed():
     """One of two nodes got the new screw's lead: said in a sentence before it goes far."""
-    monkeypatch.setattr("screw_module_ros.trials.one_thread.SCREW", Screw(lead=0.0127))
-    row = swung()
+    row = swung(amplifier_screw=Screw(0.0127))
     assert row.torque == 0.0
     assert "compare `lead`" in row.reason
 

@@ -129,7 +129,8 @@ class LiveStand:
             self.serial = own["module_serial"]
             self.laws = laws_of_controller(own.get("laws", ()))
             self.law_settings: Mapping[str, Any] = {
-                law.name: self._settings_of(law) for law in self.laws[len(LAWS) :]
+                law.name: self._settings_of(law)
+                for law in self.laws if law.settings is not VerticalSettings
             }
         self.offers = frozenset({TORQUE, STAGE, MOTION, *([RELEASE] if fixture.simulated else [])})
         place = "simulated rig" if fixture.simulated else "hardware"

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot whose screw has a lead of 12.7 mm, from parameters alone: experiments on its graph."""
+"""Another robot, from parameters alone: a screw with a lead of 12.7 mm, a law of another package.
+
+Experiments on its graph.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
+import laws_of_others
 import pytest
 from test_characterize import Stand, operated
 
@@ -27,8 +33,11 @@ def stand(tmp_path_factory) -> Iterator[Stand]:
     (folder / "plant.yaml").write_text(plant.replace("lead: 0.01905", f"lead: {LEAD}"))
     said = [f"sim_rig:plant_file:={folder / 'plant.yaml'}", "sim_rig:speed:=0.0"]
     said += [f"{node}:lead:={LEAD}" for node in ("encoder", "amplifier")]
+    said += ['impedance_controller:laws:=["laws_of_others:THE_FLOOR"]']
     words = [word for each in said for word in ("-p", each)]
     extra = [*words, *recordings_in(folder / "bags")]
+    patch = pytest.MonkeyPatch()
+    patch.setenv("PYTHONPATH", str(Path(laws_of_others.__file__).parent), prepend=os.pathsep)
     with GraphRun(extra=extra, without=["endpoint_state"], composed=True) as graph:
         given = ["--ros-args", "-p", "use_sim_time:=true", "-p", f"folder:={folder}"]
         process = Process("characterize", given)
@@ -37,6 +46,7 @@ def stand(tmp_path_factory) -> Iterator[Stand]:
                 yield Stand(robot, client, process)
         finally:
             process.stop()
+            patch.undo()
 
 
 def test_friction_and_torque_are_those_of_its_own_screw(stand, tmp_path):
@@ -55,4 +65,20 @@ def test_friction_and_torque_are_those_of_its_own_screw(stand, tmp_path):
     found = load_result(tmp_path, "static_torque")
     assert found.value("torque_constant") == pytest.approx(0.16, rel=0.05)
     assert found.value("dead_zone") == pytest.approx(0.025, abs=0.005)
+    stand.check_put_back()
+
+
+def test_a_mode_of_the_controller_s_law_of_another_package_is_measured(stand, tmp_path):
+    """`characterize` takes the laws that the controller runs; nobody names them to it."""
+    stand.make_ready()
+    stand.fix("human_arm")
+    told = stand.goal("force_error", tmp_path, modes=[199], cases=["small"], side_force=0.0)
+    assert "modes = 199: one of 0, 1, 2, 3, 4, 5, 150 is wanted" in told.refusal()
+    goal = stand.goal(
+        "force_error", tmp_path, modes=[laws_of_others.FLOOR], cases=["small"], side_force=0.0
+    )
+    goal.result()
+    found = load_result(tmp_path, "force_error")
+    assert 0.0 < found.value("rms_floor_small") < 20.0
+    assert found.settings["names"] == {str(laws_of_others.FLOOR): "FLOOR"}
     stand.check_put_back()
