@@ -184,7 +184,7 @@ class VerticalDrive:
         """Close the permit and write zero, after an error that ends the loop."""
         self.permit.close()
         with suppress(Exception):
-            self._write(0.0, now_ns)
+            self.write(0.0, now_ns)
 
     def _pump(self, now_ns: int, until_ns: int = 0) -> None:
         self._pumped_ns = now_ns
@@ -210,9 +210,9 @@ class VerticalDrive:
         accepted = newer and not implausible
         if accepted:
             self._mode, self._activation = mode, activation
-            self._write(force, now_ns)
+            self.write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
-            self._write(0.0, now_ns)
+            self.write(0.0, now_ns)
         return accepted
 
     def serve_without_command(self, now_ns: int) -> None:
@@ -222,7 +222,7 @@ class VerticalDrive:
         a step to zero and back. Raises DeviceError.
         """
         if now_ns - self._written_ns >= 2 * self._period_ns:
-            self._write(self._force, now_ns)
+            self.write(self._force, now_ns)
 
     def _fits_the_gate(self) -> bool:
         """Latch a fault when the gate was opened for another mode, or for another controller.
@@ -247,7 +247,8 @@ class VerticalDrive:
             return False
         return True
 
-    def _write(self, force: float, now_ns: int) -> None:
+    def write(self, force: float, now_ns: int) -> None:
+        """Write a force [N] as gate, chain and heat let it pass. Raises DeviceError."""
         self._force = force = force if self._fits_the_gate() else 0.0
         scale = self.permit.step(self._commands.monotonic_ns, now_ns)
         if self.permit.phase == CLOSED:

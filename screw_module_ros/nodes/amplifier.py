@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState
@@ -56,7 +57,10 @@ class AmplifierSettings(NamedTuple):
 
 
 class AmplifierNode(DriveNode):
-    """SYNC and heartbeat on the tick, torque on the command. role: from the first `begin` on."""
+    """SYNC and heartbeat on the tick, torque on the command.
+
+    role: from the first `begin` on. state: the newest message.
+    """
 
     role: VerticalDrive
 
@@ -66,7 +70,8 @@ class AmplifierNode(DriveNode):
             AmplifierSettings, CalibrationSettings, LinearizationSettings, DriveSettings,
             CommandLimits, Screw, torque=TorqueLimits,
         )  # fmt: skip
-        self._state = at_base(AmplifierState)
+        self.state = at_base(AmplifierState)
+        self._heat: Callable[[int], float] = lambda now_ns: COLD  # of the motor, at a time [ns]
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -74,7 +79,7 @@ class AmplifierNode(DriveNode):
         """Find the drive, configure it and its guards."""
         settings = self.parameters.read(DriveSettings)
         self._screw = self.parameters.read(Screw)
-        linearization, self._state.calibration = chosen_linearization(
+        linearization, self.state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)
         )
         self._chain = TorqueChain(
@@ -93,7 +98,7 @@ class AmplifierNode(DriveNode):
             Drive(port, settings, "vertical drive", per_turn=self._screw.lead, profile=profile)
         )
         self.check_bus_load(self.drives[0].traffic)
-        self.get_logger().info(f"linearization: {self._state.calibration}")
+        self.get_logger().info(f"linearization: {self.state.calibration}")
         self._commands = self.new_inbox()
         self._take_command = self._commands.subscribe(*requested(graph.FORCE_COMMAND), wakes=True)
         self.follow(self._commands, VERTICAL, alone=graph.FORCE_COMMAND)
@@ -104,7 +109,7 @@ class AmplifierNode(DriveNode):
         own = self.parameters.read(AmplifierSettings)
         (drive,) = self.drives
         # The motor does not cool by a new activation.
-        heat = self.role.heat(self.clock.now_ns()) if hasattr(self, "role") else COLD
+        heat = self._heat(self.clock.now_ns())
         self.role = VerticalDrive(
             drive,
             self.port,
@@ -114,8 +119,9 @@ class AmplifierNode(DriveNode):
             own.missed_limit,
             heat,
         )
+        self._heat = self.role.heat
         self._state_due = Due(own.state_rate)
-        self._state.success_rate = self.role.meter.success_rate
+        self.state.success_rate = self.role.meter.success_rate
         wires = Wires(
             take_command=self.take_command,
             permission=self.permission,
@@ -146,9 +152,9 @@ class AmplifierNode(DriveNode):
     def publish_state(self, now_ns: int) -> None:
         """Publish the state when due."""
         if self._state_due(now_ns):
-            self.stamp(self._state.header)
-            fill_amplifier(self._state, self.role, now_ns)
-            self._publish(self._state)
+            self.stamp(self.state.header)
+            fill_amplifier(self.state, self.role, now_ns)
+            self._publish(self.state)
 
     # Services ------------------------------------------------------------------------------
 
@@ -177,7 +183,7 @@ class AmplifierNode(DriveNode):
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
-        state, role, drive = self._state, self.role, self.drives[0]
+        state, role, drive = self.state, self.role, self.drives[0]
         now_ns, limits = self.clock.now_ns(), self._chain.limits
         values = {
             **timing_values(state, role.meter),

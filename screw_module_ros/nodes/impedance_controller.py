@@ -6,12 +6,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
-from screw_module_msgs.msg import ExcitationRequest, ImpedanceState
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EndpointSetpoint,
+    ExcitationRequest,
+    ImpedanceState,
+)
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
@@ -50,6 +55,7 @@ from screw_module_ros.settings import Setting, SettingError
 
 from .support.answering import Done
 from .support.driver import RateSettings
+from .support.inbox import Inbox
 from .support.law_inputs import SlotInbox, set_impedance
 from .support.node import Node
 from .support.states import (
@@ -107,12 +113,30 @@ class ControllerSettings(NamedTuple):
     ] = graph.TOPICS[graph.CONTROLLER_STATE].rate
 
 
+class Inputs(NamedTuple):
+    """What the node hears, each a call that returns the next message, None without one.
+
+    samples, forces: the inboxes that wait for encoder and force samples.
+    """
+
+    samples: Inbox
+    forces: Inbox
+    sample: Callable[[], EncoderReading | None]
+    force: Callable[[], ForceReading | None]
+    setpoint: Callable[[], EndpointSetpoint | None]
+    excitation: Callable[[], ExcitationRequest | None]
+    amplifier: Callable[[], AmplifierState | None]
+    slot: SlotInbox
+    safety: Newest
+
+
 class ImpedanceControllerNode(Node):
     """Encoder sample in, force command out; zero force while the watch has a latched fault.
 
-    role: from the first `begin` on.
+    inputs: from `connect` on. role: from the first `begin` on. state: the newest message.
     """
 
+    inputs: Inputs
     role: VerticalController
 
     def __init__(self) -> None:
@@ -127,7 +151,7 @@ class ImpedanceControllerNode(Node):
         self._names = all_names(self._laws)
         self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
         self._declare_laws()
-        self._state_message = at_base(ImpedanceState)
+        self.state = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._limits: GainLimits | None = None
         self._activations = 0
@@ -165,15 +189,19 @@ class ImpedanceControllerNode(Node):
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
     def _subscribe(self) -> None:
-        self._sample_inbox, self._force_inbox = self.new_inbox(), self.new_inbox()
-        take = self._sample_inbox.subscribe
-        self._take_sample = take(*requested(graph.ENCODER), wakes=True)
-        self._take_force = self._force_inbox.subscribe(*requested(graph.FORCE), wakes=True)
-        self._take_setpoint = take(*requested(graph.SETPOINT))
-        self._slot = SlotInbox(self._sample_inbox, vertical=True)
-        self._take_excitation = take(*requested(graph.EXCITATION))
-        self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
-        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
+        samples, forces = self.new_inbox(), self.new_inbox()
+        take = samples.subscribe
+        self.inputs = Inputs(
+            samples,
+            forces,
+            sample=take(*requested(graph.ENCODER), wakes=True),
+            force=forces.subscribe(*requested(graph.FORCE), wakes=True),
+            setpoint=take(*requested(graph.SETPOINT)),
+            excitation=take(*requested(graph.EXCITATION)),
+            amplifier=take(*requested(graph.AMPLIFIER_STATE)),
+            slot=SlotInbox(samples, vertical=True),
+            safety=Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS),
+        )
 
     def _load(self, own: ControllerSettings) -> None:
         settings = self.parameters.read(CalibrationSettings)
@@ -242,12 +270,12 @@ class ImpedanceControllerNode(Node):
 
     def _name_calibration(self) -> None:
         law = self.parameters.read(VerticalSettings)
-        self._state_message.calibration = self._friction.described(law.gravity, law.mass)
+        self.state.calibration = self._friction.described(law.gravity, law.mass)
 
     def begin(self) -> None:
         """Start with zero force and the set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
-        self._activations += 1  # a new process takes longer than the gate waits for a command
+        number = self._activations + 1
         self.role = VerticalController(
             self._friction.law(self.parameters.read(VerticalSettings).validated()),
             self._friction.model,
@@ -256,14 +284,15 @@ class ImpedanceControllerNode(Node):
             self._period_ns,
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
-            self._activations,
+            number,
             self._laws,
             {law.name: self._settings_of(law) for law in self._apart},
             self.clock.work_ns,
         )
+        self._activations = number  # a new process takes longer than the gate waits for a command
         self._resets: int | None = None  # as the supervisor counts them
         self._look_ns = 0  # when to look at them next
-        self._state_message.success_rate = self.role.meter.success_rate
+        self.state.success_rate = self.role.meter.success_rate
         self._state_due = Due(chosen.state_rate)
         wires = Wires(
             take_sample=self.next_sample,
@@ -276,7 +305,7 @@ class ImpedanceControllerNode(Node):
 
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""
-        role = getattr(self, "role", None)
+        role = self.role if self._activations else None
         if role and role.answered is not None:
             self.publish_command(role.answered, NO_FORCE, role.mode, role.activation)
         self._put_back()
@@ -374,14 +403,14 @@ class ImpedanceControllerNode(Node):
 
     def next_sample(self, until_ns: int) -> EncoderReading | None:
         """Return the newest encoder sample; wait for it until `until_ns` at most."""
-        self._sample_inbox.wait(until_ns)
-        return self._take_sample()
+        self.inputs.samples.wait(until_ns)
+        return self.inputs.sample()
 
     def next_force(self, until_ns: int) -> ForceReading | None:
         """Return the newest force sample; wait for it until `until_ns` at most, 0 = no wait."""
         if until_ns:
-            self._force_inbox.wait(until_ns)
-        return self._take_force()
+            self.inputs.forces.wait(until_ns)
+        return self.inputs.force()
 
     def publish_command(
         self, sample: EncoderReading, output: VerticalOutput, mode: int, activation: int
@@ -391,15 +420,15 @@ class ImpedanceControllerNode(Node):
 
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot, amplifier state and resets, if they come by a topic."""
-        controller = self.role
-        self._slot.read(controller.guide, now_ns)
-        wanted = self._take_setpoint()
+        controller, inputs = self.role, self.inputs
+        inputs.slot.read(controller.guide, now_ns)
+        wanted = inputs.setpoint()
         if wanted is not None:
             controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
-        request = self._take_excitation()
+        request = inputs.excitation()
         if request is not None:
             self._excite(request, now_ns)
-        state = self._take_amplifier()
+        state = inputs.amplifier()
         if state is not None:
             controller.on_drive(state.enabled, state.position, now_ns)
         if self._senders.warning:
@@ -441,14 +470,14 @@ class ImpedanceControllerNode(Node):
     def publish_state(self, now_ns: int) -> None:
         """Publish the state, when it is due."""
         if self._state_due(now_ns):
-            self.stamp(self._state_message.header)
-            fill_controller(self._state_message, self.role, now_ns)
-            self._state_message.law = self._versions[self.role.laws.law.name]
-            self._publish_state(self._state_message)
+            self.stamp(self.state.header)
+            fill_controller(self.state, self.role, now_ns)
+            self.state.law = self._versions[self.role.laws.law.name]
+            self._publish_state(self.state)
 
     def _follow_supervisor(self, now_ns: int) -> None:
         """Clear the fault when the supervisor's count of resets rises; it restarts from 0."""
-        safety = self._safety.fresh(now_ns)
+        safety = self.inputs.safety.fresh(now_ns)
         if safety is None:
             return
         if self._resets is not None and safety.resets > self._resets:
@@ -469,7 +498,7 @@ class ImpedanceControllerNode(Node):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        state, controller = self._state_message, self.role
+        state, controller = self.state, self.role
         values = {
             **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
@@ -478,7 +507,7 @@ class ImpedanceControllerNode(Node):
             "calibration": state.calibration,
             "gain limits": self._limits.identity if self._limits else "none",
             "unstable in the linear model": self._exceeded(),
-            "slot refused": self._slot.refused or "no",
+            "slot refused": self.inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if self.alarm else WARN, controller.reason, values)

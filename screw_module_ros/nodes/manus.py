@@ -27,6 +27,7 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import JOINTS, SHARED, DriveSettings, adapted
 from screw_module_ros.loop.plane import Plane, PlaneWires
 from screw_module_ros.loop.plane_controller import JointSettings, PlaneLimits, clear_of_stops
+from screw_module_ros.loop.plane_drives import PlaneDrives
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.profiles import DRIVE, GENERIC_402, load
 from screw_module_ros.safety.checks import FreezeSettings
@@ -73,7 +74,7 @@ class ManusSettings(NamedTuple):
 
 
 class ManusNode(DriveNode):
-    """One tick: SYNC, both positions, law, both torques."""
+    """One tick: SYNC, both positions, law, both torques. state: the newest message."""
 
     def __init__(self) -> None:
         super().__init__("manus", rate=JOINTS["shoulder"].rate)
@@ -89,10 +90,11 @@ class ManusNode(DriveNode):
         self._declare_law()
         for joint, own in JOINTS.items():
             self.parameters.declare_with(DriveSettings, joint, ("rate", *SHARED), **own._asdict())
-        self._state = at_base(PlanarState)
-        self._state.law = f"{self._law.name} {plane_law_version(self._law)}"
-        self._state.arm = f"{self._arm.name} {arm_version(self._arm)}"
+        self.state = at_base(PlanarState)
+        self.state.law = f"{self._law.name} {plane_law_version(self._law)}"
+        self.state.arm = f"{self._arm.name} {arm_version(self._arm)}"
         self._latency_p99 = 0.0
+        self._warm: PlaneDrives | None = None  # of the last configuration: no motor cools by one
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         impedance = partial(set_impedance, self.parameters, PlanarSettings)
         self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
@@ -144,8 +146,9 @@ class ManusNode(DriveNode):
             self._own(),
             self.clock.work_ns,
         )
-        plane.drives.warm_as(getattr(self, "_plane", plane).drives)
-        self._plane = plane
+        if self._warm is not None:
+            plane.drives.warm_as(self._warm)
+        self._plane, self._warm = plane, plane.drives
         self._make_topics()
 
     def _check_arm(self, law: PlanarSettings, place: JointSettings) -> None:
@@ -241,7 +244,7 @@ class ManusNode(DriveNode):
     def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:
             return
-        state = self._state
+        state = self.state
         self.stamp(state.header)
         state.sequence, state.monotonic_ns = tick.sequence, tick.monotonic_ns
         fill_plane(state, self._plane, tick.monotonic_ns)
@@ -269,7 +272,7 @@ class ManusNode(DriveNode):
     def health(self) -> Health:
         """State of the drives, timing, counters."""
         # Another thread owns the meter: this is the value that the loop stored last.
-        now_ns, state = self.clock.now_ns(), self._state
+        now_ns, state = self.clock.now_ns(), self.state
         controller, drives = self._plane.controller, self._plane.drives
         values = {
             "rate [1/s]": f"{state.rate:.0f}",

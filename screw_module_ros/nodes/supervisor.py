@@ -50,7 +50,12 @@ class SupervisorSettings(NamedTuple):
 
 
 class SupervisorNode(Node):
-    """Publishes whether the robot may move, from the newest state of every node."""
+    """Publishes whether the robot may move, from the newest state of every node.
+
+    sources: the newest state of each node, by its name; from `connect` on.
+    """
+
+    sources: dict[str, Newest]
 
     def __init__(self) -> None:
         super().__init__("supervisor")
@@ -67,7 +72,7 @@ class SupervisorNode(Node):
         self._announced = Announced()
         self._alarms: dict[str, str] = {}
         self.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._note_diagnostics, 50)
-        self.periodic.every(self.clock, _TELL_S, self._tell)
+        self.periodic.every(self.clock, _TELL_S, self.tell)
         self.serve(Trigger, "~/estop", self._estop, _STOPPED, always=True)
         self.serve(Trigger, "~/reset", self._reset, "reset; the drives stay off until enabled")
         self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
@@ -112,7 +117,7 @@ class SupervisorNode(Node):
             )
         inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
-        self._sources = {
+        self.sources = {
             node: Newest(inbox.subscribe(*requested(topic)), age_ns)
             for node, topic in _STATE_TOPICS.items()
         }
@@ -121,7 +126,7 @@ class SupervisorNode(Node):
 
     def begin(self) -> None:
         """Start the ticks; what was heard before a pause of this node says nothing now."""
-        for newest in self._sources.values():
+        for newest in self.sources.values():
             newest.forget()
         self._state = self._state._replace(enabled=False)
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
@@ -137,9 +142,10 @@ class SupervisorNode(Node):
 
     def step(self) -> None:
         """Decide and publish the decision."""
-        self._publish(self._ticker.sleep().monotonic_ns)
+        self.decide(self._ticker.sleep().monotonic_ns)
 
-    def _publish(self, now: int) -> None:
+    def decide(self, now: int) -> None:
+        """Decide at the time `now` [ns], publish the decision and save what must survive."""
         with self._changing:  # two threads must not mix their decisions in one message
             self._decide_and_publish(now)
             self._keep(self._state)
@@ -157,7 +163,7 @@ class SupervisorNode(Node):
         self._decided = decision, bool(state.latched or state.estopped)
         self._decisions += 1
 
-    def _tell(self) -> None:
+    def tell(self) -> None:
         """Log what changed, in the service thread: a terminal that is held stops no decision."""
         if self._decided is None or not self.active:
             return
@@ -173,9 +179,9 @@ class SupervisorNode(Node):
             logger.warning(line)
 
     def _reports(self, now: int) -> dict[str, NodeReport]:
-        for newest in self._sources.values():
+        for newest in self.sources.values():
             newest.update(now)
-        return {node: self._report(node, newest, now) for node, newest in self._sources.items()}
+        return {node: self._report(node, newest, now) for node, newest in self.sources.items()}
 
     def _report(self, node: str, newest: Newest, now: int) -> NodeReport:
         message = newest.message
@@ -234,7 +240,7 @@ class SupervisorNode(Node):
     def health(self) -> Health:
         """Permission, and the reasons against it."""
         message, now = self._message, self.clock.now_ns()
-        ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._sources.items()}
+        ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self.sources.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
         reason = "; ".join(message.reasons)
         if message.level == SafetyState.STOPPED:

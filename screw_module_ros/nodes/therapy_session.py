@@ -14,6 +14,7 @@ A therapist's page publishes `therapy/attendance`; a session that has received i
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
@@ -26,7 +27,7 @@ from screw_module_ros import graph
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
-from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
+from screw_module_ros.therapy.hand import PLANE, HandSample, Point, hand_sample
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.protocol_file import (
@@ -65,8 +66,48 @@ class TherapySettings(NamedTuple):
     ] = True
 
 
+@dataclass
+class Course:
+    """What one activation of the node knows; the next one begins without it, and its patient.
+
+    slot, state: the messages. session: the newest. patient: its pseudonym. definition: text of its
+    protocol, until it was published. sample: the newest of the hand; sampled_ns: when it came [ns].
+    sent: state, reason and phase of the session that were published last; wish: its slot, start_ns:
+    when that began [ns].
+    """
+
+    attendance: Attendance
+    slot: TherapySlot = field(default_factory=lambda: at_base(TherapySlot))
+    state: TherapyState = field(default_factory=lambda: at_base(TherapyState))
+    due: Due = field(default_factory=lambda: Due(_RENEW_HZ))
+    session: Session | None = None
+    patient: str = ""
+    definition: str = ""
+    sample: HandSample | None = None
+    sampled_ns: int | None = None
+    sent: tuple[State, str, Any] | None = None
+    wish: SlotWish | None = None
+    start_ns: int = 0
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a session runs, or may go on."""
+        return self.session is not None and self.session.state in UNDER_WAY
+
+    def silent(self, now_ns: int) -> bool:
+        """Return whether no sample of the hand has come lately, at now_ns [ns]."""
+        return self.sampled_ns is None or now_ns - self.sampled_ns > _SILENT_NS
+
+    def hand(self, now_ns: int) -> Point | None:
+        """Return the hand's position [m] at now_ns [ns], None if it is not known."""
+        return self.sample.position if self.sample and not self.silent(now_ns) else None
+
+
 class TherapySessionNode(Node):
-    """The loop's thread owns the session; services ask it to start and change it (`requests`)."""
+    """The loop's thread owns the session; services ask it to start and change it (`requests`).
+
+    course: what this activation knows.
+    """
 
     def __init__(self) -> None:
         super().__init__("therapy_session")
@@ -74,13 +115,7 @@ class TherapySessionNode(Node):
             TherapySettings, wish=WishLimits, assistance=AssistanceLimits,
             attendance=AttendanceSettings, recorder=RecorderSettings,
         )  # fmt: skip
-        self._session: Session | None = None
-        self._sent: tuple[State, str, Any] | None = None  # state, reason and phase
-        self._wish: SlotWish | None = None
-        self._patient = self._definition = ""
-        self._sample: HandSample | None = None
-        self._sampled_ns: int | None = None
-        self._attendance = Attendance()
+        self.course = Course(Attendance())
         self._recording = SessionRecording(self, self.clock)
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
@@ -102,11 +137,8 @@ class TherapySessionNode(Node):
 
     def begin(self) -> None:
         """Start without a session, and without what the last one has published."""
-        self._slot, self._state = at_base(TherapySlot), at_base(TherapyState)
-        self._due = Due(_RENEW_HZ)
+        self.course = Course(Attendance(self.parameters.read(AttendanceSettings, "attendance")))
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
-        self._session = self._sent = self._wish = self._sample = self._sampled_ns = None
-        self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
 
     def changed(self, kind: type) -> None:
@@ -118,8 +150,8 @@ class TherapySessionNode(Node):
     def end(self) -> None:
         """End a running session, so that the slot fades out, its recording, and a game's pull."""
         now_ns = self.clock.now_ns()
-        if self._session is not None:
-            self._change(self._session, self._session.abort, "the node was stopped")
+        if self.course.session is not None:
+            self._change(self.course.session, self.course.session.abort, "the node was stopped")
             self._send(now_ns)
         self._recording.close()
         self._relay_wishes(now_ns, ends=True)
@@ -136,35 +168,31 @@ class TherapySessionNode(Node):
         self._send(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
-        session, self._sampled_ns = self._session, now_ns
-        self._sample = hand_sample(message, session.protocol.space if session else PLANE)
+        course, session = self.course, self.course.session
+        course.sampled_ns = now_ns
+        course.sample = hand_sample(message, session.protocol.space if session else PLANE)
         if session is not None:
             before = session.state
-            self._publish(session, session.take(self._sample))
+            self._publish(session, session.take(course.sample))
             self._note_state(session, before)
 
     def _note_state(self, session: Session, before: State) -> None:
         """Record the sample after which a state began: a replay needs it."""
+        course = self.course
         if session.state != before:
-            self._state.state_since = self._sample.sequence if self._sample else 0
+            course.state.state_since = course.sample.sequence if course.sample else 0
 
     def _watch(self, now_ns: int) -> None:
         """Pause the session when its samples stop or the therapist's page is silent."""
         if self._take_attendance() is not None:
-            self._attendance.hear(now_ns)
-        session = self._session
+            self.course.attendance.hear(now_ns)
+        session = self.course.session
         if session is None:
             return
-        if self._silent(now_ns):
+        if self.course.silent(now_ns):
             self._change(session, session.pause, f"{graph.ENDPOINT_STATE} is silent")
-        if reason := self._attendance.pause_reason(now_ns):
+        if reason := self.course.attendance.pause_reason(now_ns):
             self._change(session, session.pause, reason)
-
-    def _is_under_way(self) -> bool:
-        return self._session is not None and self._session.state in UNDER_WAY
-
-    def _silent(self, now_ns: int) -> bool:
-        return self._sampled_ns is None or now_ns - self._sampled_ns > _SILENT_NS
 
     def _change(self, session: Session, act: Callable[..., None], *reason: str) -> bool:
         """Apply an operator's action, a method of the session; return whether its state changed."""
@@ -175,11 +203,11 @@ class TherapySessionNode(Node):
 
     def _follow_recorder(self, now_ns: int) -> None:
         """Begin once the recording hears us, and do not go on unrecorded without being told to."""
-        session = self._session
+        session = self.course.session
         if session is None:
             self._recording.listen(now_ns)
             return
-        news = self._recording.follow(self._is_under_way(), now_ns)
+        news = self._recording.follow(self.course.is_under_way, now_ns)
         if news == REFUSED:
             self._change(session, session.abort, self._recording.message)
         elif news == LOST:
@@ -191,9 +219,9 @@ class TherapySessionNode(Node):
         name, (result, change) = session.protocol.name, outcome
         if result is None:
             return
-        self._tell(self._publish_result, result_message(result, self._patient, name))
+        self._tell(self._publish_result, result_message(result, self.course.patient, name))
         if change is not None:
-            message = change_message(change, self._patient, name, result["block"])
+            message = change_message(change, self.course.patient, name, result["block"])
             self._tell(self._publish_change, message)
 
     def _tell(self, publish: Callable[[Any], None], message: Any) -> None:
@@ -202,36 +230,35 @@ class TherapySessionNode(Node):
 
     def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
-        session = self._session
-        self._state.monotonic_ns = now_ns
+        course, session = self.course, self.course.session
+        course.state.monotonic_ns = now_ns
         if session is None:
-            if self._due(now_ns):
-                self._state.state = TherapyState.IDLE
-                self._tell(self._publish_state, self._state)
+            if course.due(now_ns):
+                course.state.state = TherapyState.IDLE
+                self._tell(self._publish_state, course.state)
             return
         progress = (session.state, session.reason, session.trial and session.trial.phase)
-        if not (self._due(now_ns) or progress != self._sent or session.wish != self._wish):
+        if not (course.due(now_ns) or progress != course.sent or session.wish != course.wish):
             return
-        if session.wish != self._wish:
-            self._start_ns = session.wish.start_ns or 0
-        if self._sent is None or progress[:2] != self._sent[:2]:
+        if session.wish != course.wish:
+            course.start_ns = session.wish.start_ns or 0
+        if course.sent is None or progress[:2] != course.sent[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
-        self._sent, self._wish = progress, session.wish
-        fill_slot(self._slot, session.wish, self._start_ns)
-        self._tell(self._publish_slot, self._slot)
-        fill_state(self._state, session, self._patient, self._sample)
-        self._state.recorded = self._recording.runs
-        self._state.definition = ""
+        course.sent, course.wish = progress, session.wish
+        fill_slot(course.slot, session.wish, course.start_ns)
+        self._tell(self._publish_slot, course.slot)
+        fill_state(course.state, session, course.patient, course.sample)
+        course.state.recorded = self._recording.runs
+        course.state.definition = ""
         if session.state == State.RUNNING:  # once, in the first message of the running session
-            self._state.definition, self._definition = self._definition, ""
-        self._tell(self._publish_state, self._state)
+            course.state.definition, course.definition = course.definition, ""
+        self._tell(self._publish_state, course.state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
-        is_free = not (self._is_under_way() or ends)
+        is_free = not (self.course.is_under_way or ends)
         allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
-        hand = self._sample.position if self._sample and not self._silent(now_ns) else None
-        self._wishes.relay(allowed, hand, now_ns)
+        self._wishes.relay(allowed, self.course.hand(now_ns), now_ns)
 
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
@@ -248,19 +275,20 @@ class TherapySessionNode(Node):
         self, protocol: Protocol, definition: str, patient: str, request: StartTherapy.Request
     ) -> str:
         """Begin a session, or ask for its recording first; return why not, empty if done."""
-        if self._session is not None and self._session.state in UNDER_WAY:
-            return f"a session of {self._patient} is {self._session.state.word}: end it first"
-        if self._sample is None:
+        course = self.course
+        if course.session is not None and course.is_under_way:
+            return f"a session of {course.patient} is {course.session.state.word}: end it first"
+        if course.sample is None:
             return "no endpoint_state has come yet"
         now_ns = self.clock.now_ns()
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
-        self._attendance.begin(request.attended, now_ns)
-        self._patient, self._definition = patient, definition
-        self._state.definition_sha256 = sha256(definition)
-        self._session = Session(protocol, _WAITS if request.record else "")
-        self._sent = self._wish = None
-        self._state.state_since = self._sample.sequence
+        course.attendance.begin(request.attended, now_ns)
+        course.patient, course.definition = patient, definition
+        course.state.definition_sha256 = sha256(definition)
+        course.session = Session(protocol, _WAITS if request.record else "")
+        course.sent = course.wish = None
+        course.state.state_since = course.sample.sequence
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
@@ -283,11 +311,11 @@ class TherapySessionNode(Node):
     def _resume(self) -> str:
         if self._recording.waits:
             return _WAITS
-        self._attendance.resume(self.clock.now_ns())
+        self.course.attendance.resume(self.clock.now_ns())
         return self._act("resume")
 
     def _act(self, name: str, *reason: str) -> str:
-        session = self._session
+        session = self.course.session
         if session is None:
             return "no session has been started"
         changed = self._change(session, getattr(session, name), *reason)
@@ -295,7 +323,7 @@ class TherapySessionNode(Node):
 
     def health(self) -> Health:
         """Report the progress of the session."""
-        session = self._session
+        session = self.course.session
         values: dict[str, object] = {"recording": self._recording.message}
         if session is None:
             return Health(OK, "no session", values)

@@ -217,11 +217,11 @@ def test_after_a_pause_the_force_leaps_by_five_periods_at_most(pause_ns, step):
     """4 N a millisecond; two writes in one nanosecond count as a microsecond apart."""
     made, newton = open_axis([]), 0.01905 / (2.0 * math.pi)
     begin = 1000 * MS
-    made._write(0.0, begin)
-    made._write(90.0, begin + pause_ns)
+    made.write(0.0, begin)
+    made.write(90.0, begin + pause_ns)
     assert made.last.torque == pytest.approx(step * newton)
     assert made.last.saturated
-    made._write(step, begin + pause_ns + MS)
+    made.write(step, begin + pause_ns + MS)
     assert made.last == pytest.approx((step * newton, step * newton, False))
 
 
@@ -229,17 +229,17 @@ def test_after_a_pause_the_force_leaps_by_five_periods_at_most(pause_ns, step):
 def test_a_pause_heats_for_a_hundred_periods_at_most(elapsed, counted):
     made, torque = open_axis([]), 50.0 * 0.01905 / (2.0 * math.pi)
     for k in range(60):
-        made._write(50.0, (1000 + k) * MS)
-    before = made._heat
-    made._write(50.0, (1059 + elapsed) * MS)
+        made.write(50.0, (1000 + k) * MS)
+    before = made.heat(1059 * MS)
+    made.write(50.0, (1059 + elapsed) * MS)
     share = counted * 1e-3 / 5.0
-    assert made._heat == pytest.approx(before + (torque**2 - before) * share)
+    assert made.heat((1059 + elapsed) * MS) == pytest.approx(before + (torque**2 - before) * share)
 
 
 def test_a_force_is_written_again_after_two_periods_without_a_command():
     sent = []
     made = open_axis(sent)
-    made._write(3.0, 1000 * MS)
+    made.write(3.0, 1000 * MS)
     made.serve_without_command(1002 * MS - 1)
     assert len(sent) == 1
     made.serve_without_command(1002 * MS)

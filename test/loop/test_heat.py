@@ -117,7 +117,7 @@ def pressed(made, seconds):
     """Ask for 95 N, which need 0.29 Nm; return the time of the last command [ns]."""
     times = range(S, S + round(seconds * S), MS)
     for now_ns in times:
-        made._write(95.0, now_ns)
+        made.write(95.0, now_ns)
     return times[-1]
 
 

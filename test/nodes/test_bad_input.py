@@ -10,6 +10,7 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
+from services import asked
 
 from screw_module_ros.can_io.bus import BusSettings, where, within
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -75,12 +76,12 @@ def test_observer_is_refused_by_the_services_until_there_is_a_damper(make_node):
     """First the damper, then the mode; a stiffer spring asks for more of it."""
     node = make_node("impedance_controller")
     law = node.parameters, VerticalSettings
-    told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
-    assert "raise the damping first" in told
+    told = asked(node, "~/set_mode", SetControlMode.Request(mode=ForceCommand.OBSERVER))
+    assert not told.success and "raise the damping first" in told.message
     told = set_impedance(*law, SetImpedance.Request(stiffness=100.0, damping=10.0))
     assert isinstance(told, Done) and told == "stiffness 100 N/m, damping 10 Ns/m"
-    told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
-    assert isinstance(told, Done) and told == "mode 5, OBSERVER"
+    told = asked(node, "~/set_mode", SetControlMode.Request(mode=ForceCommand.OBSERVER))
+    assert told.success and told.message == "mode 5, OBSERVER"
     told = set_impedance(*law, SetImpedance.Request(stiffness=2000.0, damping=10.0))
     assert "2000 N/m needs a damping of" in told
 

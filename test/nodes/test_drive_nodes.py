@@ -11,20 +11,23 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, SafetyState
-from std_srvs.srv import SetBool, Trigger
+from services import asked, served
+from std_srvs.srv import SetBool
+from wired import Topics
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotAnswering, Refused
 from screw_module_ros.geometry import Screw
-from screw_module_ros.nodes.support import drives, topics
+from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.nodes.support.topics import too_many_senders
 from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
 from screw_module_ros.settings import SettingError
 from screw_module_ros.trials.one_thread import OneThreadRobot
 
+EARLY = "asked for while the drive was made ready: call ~/enable again"
 LONGEST_S = 20.0
 MS = 1_000_000
 
@@ -62,24 +65,23 @@ def answer(asker: Node, future):
 def test_an_enabling_that_waited_is_refused(amplifier, busy):
     node, asker, client = amplifier
     future = client.call_async(SetBool.Request(data=True))
-    assert waits(node, node._enabling)
+    assert waits(node, served(node, "~/enable"))
     if busy == "activate":
         node.connect = node.begin = lambda: None  # there are no devices here
         node.trigger_configure()
         node.trigger_activate()
         assert node.active
     else:
-        clear = next(each for each in node.services if each.srv_name.endswith("clear_fault"))
-        clear.callback(Trigger.Request(), Trigger.Response())
+        asked(node, "~/clear_fault")
     told = answer(asker, future)
-    assert (told.success, told.message) == (False, drives._ASKED_EARLY)
+    assert (told.success, told.message) == (False, EARLY)
 
 
 def test_a_disabling_that_waited_is_carried_out(amplifier):
     node, asker, client = amplifier
     future = client.call_async(SetBool.Request(data=False))
-    assert waits(node, node._enabling)
-    node._refuse_waiting()
+    assert waits(node, served(node, "~/enable"))
+    asked(node, "~/clear_fault")
     assert "not active" in answer(asker, future).message  # what ~/disable says before configuring
 
 
@@ -92,19 +94,20 @@ def publish(node, kind, topic, count):
 )
 def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, kind, topic):
     node = make_node("impedance_controller")
+    ends = Topics(node)
     node.connect()
     node.begin()
     voices = publish(node, kind, topic, 1)
-    node._senders.count()
+    ends.count()
     node.read_inputs(MS)
     assert "publish" not in node.role.reason
     voices += publish(node, kind, topic, 1)
-    node._senders.count()
+    ends.count()
     node.read_inputs(2 * MS)
     assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.role.reason
     assert node.role.faulted
     node.destroy_publisher(voices.pop())
-    node._senders.count()
+    ends.count()
     node.role.reset(3 * MS)
     node.read_inputs(3 * MS)
     assert not node.role.faulted
@@ -114,10 +117,11 @@ def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, k
 def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
     node = make_node("impedance_controller")
     node.direct = ("screw/encoder", "handle/force", "screw/amplifier_state")
+    ends = Topics(node)
     node.connect()
     voices = publish(node, ForceSample, "handle/force", 2)
-    node._senders.count()
-    assert node._senders.warning == "" and len(voices) == 2
+    ends.count()
+    assert [each.warning for each in ends.senders] == ["", ""] and len(voices) == 2
     node.close()
 
 
@@ -128,11 +132,11 @@ def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
 )  # fmt: skip
 def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind, topic):
     node = make_node(name)
+    ends = Topics(node)
     node.follow(node.new_inbox(), VERTICAL, alone=topic)
-    node._permission = SimpleNamespace(pass_on=lambda permit, now_ns: None)
     permit = Permit([], PermitSettings(), MS)
     publish(node, kind, topic, 2)
-    node._senders.count()
+    ends.count()
     node.permission(permit, MS)
     assert permit.fault.reason == "", "nothing passes: the next enable is refused"
     assert node.enable() == too_many_senders(node, topic) != ""
@@ -215,7 +219,7 @@ def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
     node._chain, node.drives, node.period_ns = TorqueChain(), (drive,), MS
     node.port = SimpleNamespace(clock=node.clock, close=lambda: None)
     node._screw = Screw()
-    node.role = SimpleNamespace(heat=lambda now_ns: 0.1)
+    node._heat = lambda now_ns: 0.1
 
     def silent():
         raise NotAnswering("the drive has no supply")

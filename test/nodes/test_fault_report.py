@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from screw_module_msgs.msg import PlanarState
+from services import activate
 
 from screw_module_ros.nodes.support.states import ERROR, OK, WARN, Health
 from screw_module_ros.samples import ForceReading
@@ -14,33 +15,36 @@ from screw_module_ros.samples import ForceReading
 @pytest.mark.parametrize("name", ["encoder", "force_sensor"])
 def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
     node, entries, said = make_node(name), [], []
-    node._diagnostics = SimpleNamespace(publish=entries.append)
     node.device = SimpleNamespace(fault="")
-    node._active.set()
-    node.health = lambda: Health(OK, node.device.fault, {})
+    activate(node)
+    node.publish_health = lambda: entries.append(node.alarm)
     for text in ("", "status bit 4", "status bit 4", "status bit 6", ""):
         assert node.enters()
         node.device.fault = text
         node.leaves()
-        said.append([status.message for entry in entries for status in entry.status])
+        said.append(list(entries))
         entries.clear()
     assert said == [[], ["status bit 4"], [], ["status bit 6"], [""]]
-    node._active.clear()
 
 
 @pytest.mark.parametrize("name", ["encoder", "force_sensor"])
-def test_slow_values_are_read_each_five_seconds_while_the_node_is_active(make_node, name):
+def test_slow_values_are_read_each_five_seconds_while_the_node_is_active(
+    make_node, monkeypatch, name
+):
     node, read = make_node(name), []
-    poll = [timer for timer in node.periodic._all if timer.call == node._poll_slow]
-    assert [timer.period_ns for timer in poll] == [5_000_000_000]
-    poll[0].run()
+    node.health = lambda: Health(OK, "", {})
+    begin_ns = node.clock.now_ns()
+
+    def calls_until(seconds):
+        monkeypatch.setattr(node.clock, "now_ns", lambda: begin_ns + round(seconds * 1e9))
+        node.periodic.run()
+        return len(read)
+
+    assert calls_until(5.0) == 0, "it has no device yet"
     node.device = SimpleNamespace(fault="", poll_slow=lambda: read.append(True))
-    poll[0].run()
-    assert not read
-    node._active.set()
-    poll[0].run()
-    assert read
-    node._active.clear()
+    assert calls_until(10.0) == 0
+    activate(node)
+    assert [calls_until(seconds) for seconds in (12.0, 15.0, 17.0, 20.0)] == [0, 1, 1, 2]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +84,7 @@ def test_a_drifted_zero_is_shown_once_nobody_holds_the_handle(make_node, monkeyp
 def test_the_plane_says_what_its_guard_leaves(make_node, monkeypatch, level, share, shown):
     node = make_node("manus")
     drive = SimpleNamespace(state=lambda now_ns: SimpleNamespace(text="on"), counters={})
-    node._state, node._latency_p99, node.drives = PlanarState(), 0.0, (drive, drive)
+    node.state, node._latency_p99, node.drives = PlanarState(), 0.0, (drive, drive)
     motors = [SimpleNamespace(warmth=warmth) for warmth in (0.1, 0.97)]
     node._plane = SimpleNamespace(
         controller=SimpleNamespace(homed=True, share=share), drives=SimpleNamespace(motors=motors),

@@ -239,9 +239,9 @@ def publish(controller):
 
 
 def takes_of(controller) -> list:
+    inputs = controller.inputs
     return [
-        controller._take_setpoint, controller._slot._take, controller._take_force,
-        controller._safety._take,
+        inputs.setpoint, inputs.slot.take, inputs.force, lambda: inputs.safety.update(0)
     ]  # fmt: skip
 
 

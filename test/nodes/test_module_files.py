@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import re
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from screw_module_msgs.msg import AmplifierState
-from screw_module_msgs.srv import SetControlMode
+from screw_module_msgs.srv import SetControlMode, StartRecording
+from services import asked
 
 from screw_module_ros.calibration.gain_limits import Loop, conditions_of, text_checksum
 from screw_module_ros.calibration.module import (
@@ -26,7 +29,6 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
-from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.recording.decoded import calibrations
 
 OWN_FILE = {"impedance_controller": "friction_file", "amplifier": "linearization_file"}
@@ -48,8 +50,8 @@ def refusal(node) -> str:
     """Configure a node that must refuse; return the sentence in its diagnostics."""
     assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
     heard = []
-    node._diagnostics = SimpleNamespace(publish=heard.append)
-    node.publish_health()
+    with patch.object(Publisher, "publish", lambda publisher, message: heard.append(message)):
+        node.publish_health()
     (status,) = heard[0].status
     assert status.level == DiagnosticStatus.ERROR
     return status.message
@@ -84,7 +86,7 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     node.set_parameters([Parameter("module_serial", value=SERIAL)])
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     assert node._friction.model == calibration.written.friction
-    assert node._state_message.calibration == calibration.identity
+    assert node.state.calibration == calibration.identity
     assert node.get_parameter("gravity").value == GRAVITY
     node.trigger_activate()
     assert node.role.settings.gravity == GRAVITY
@@ -97,11 +99,11 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     node = make_node("impedance_controller", *given(calibration.path))
     node.trigger_configure()
     assert not node.parameters.write(gravity=8.0)
-    assert node._state_message.calibration == f"{calibration.identity}, gravity 8 N by hand"
+    assert node.state.calibration == f"{calibration.identity}, gravity 8 N by hand"
     node.trigger_activate()
     assert node.role.settings.gravity == 8.0
     assert not node.parameters.write(gravity=GRAVITY)
-    assert node._state_message.calibration == calibration.identity
+    assert node.state.calibration == calibration.identity
     node.close()
 
 
@@ -114,13 +116,13 @@ def test_a_mass_set_by_hand_is_told_and_not_carried(make_node, calibration):
     law = node.role.settings
     assert law.mass == 9.0
     assert law.observer_inertia * law.mass == pytest.approx(KNOWN_SHARE * 5.5)
-    assert node._state_message.calibration == f"{calibration.identity}, mass 9 kg by hand"
+    assert node.state.calibration == f"{calibration.identity}, mass 9 kg by hand"
     node.trigger_deactivate()
     node.trigger_activate()
     assert node.role.settings == law
     assert not node.parameters.write(mass=5.5)
     assert node.role.settings.observer_inertia == KNOWN_SHARE
-    assert node._state_message.calibration == calibration.identity
+    assert node.state.calibration == calibration.identity
     node.close()
 
 
@@ -153,7 +155,7 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
     node.trigger_configure()
     node.trigger_activate()
-    assert isinstance(node._on_start("bag"), Done)
+    assert asked(node, "~/record", StartRecording.Request(name="bag")).success
 
     def recorded() -> int:
         publisher.publish(AmplifierState(calibration=calibration.identity))
@@ -261,8 +263,8 @@ def test_no_gain_and_no_mode_goes_beyond_it(controller):
     assert node.get_parameter("force_gain").value == 5.0
     assert not changed(node, mode=modes.IMPEDANCE)
     assert not changed(node, force_gain=8.0), "this mode does not use it"
-    refused = node._set_mode(SetControlMode.Request(mode=modes.COMBINED))
-    assert "6.28 at most" in refused
+    refused = asked(node, "~/set_mode", SetControlMode.Request(mode=modes.COMBINED))
+    assert not refused.success and "6.28 at most" in refused.message
     assert "6.28 at most" in changed(node, mode=modes.FORCE_FEEDBACK)
     assert node.get_parameter("mode").value == modes.IMPEDANCE
     node.close()

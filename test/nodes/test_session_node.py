@@ -7,18 +7,20 @@ A recorder that hangs, dies or whose disk is full holds up no session, and none 
 from __future__ import annotations
 
 import math
-from functools import partial
 from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point
 from rclpy.task import Future
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState, SafetyState, TherapyState
 from screw_module_msgs.srv import StartRecording, StartTherapy
+from services import asked
 from std_srvs.srv import Trigger
+from wired import Topics
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes import therapy_recording
+from screw_module_ros.nodes import therapy_recording, therapy_session
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.therapy_recording import (
     BEGUN,
@@ -27,9 +29,10 @@ from screw_module_ros.nodes.therapy_recording import (
     RecorderSettings,
     SessionRecording,
 )
-from screw_module_ros.nodes.therapy_session import TherapySessionNode
+from screw_module_ros.nodes.therapy_session import Course
 from screw_module_ros.nodes.wish_relay import WishRelay
-from screw_module_ros.therapy.hand import SAFETY_OK
+from screw_module_ros.therapy.attendance import Attendance
+from screw_module_ros.therapy.hand import PLANE, SAFETY_OK, hand_sample
 from screw_module_ros.therapy.session import State
 from screw_module_ros.therapy.trial import Phase
 from screw_module_ros.therapy.wishes import WishLimits
@@ -236,19 +239,23 @@ def test_a_recording_that_a_killed_node_left_is_noticed(recording, recorder, bag
 
 
 @pytest.mark.parametrize("answered", [True, False])
-def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
+def test_a_recording_ends_with_the_sessions_node(
+    recording, recorder, answered, make_node, monkeypatch
+):
     """Else it would hold the next patient's movements in a bag of this one's name."""
+    monkeypatch.setattr(therapy_session, "SessionRecording", lambda node, clock: recording)
+    node = make_node("therapy_session")
+    Topics(node)
+    node.trigger_configure()
+    node.trigger_activate()
+    recording.connect(recorder)
     if answered:
         begun(recording, recorder)
     else:
         recording.ask("P-22222_clock")
-    node = SimpleNamespace(
-        _session=None, _recording=recording, clock=recording.clock,
-        _relay_wishes=lambda now_ns, ends: None,
-    )  # fmt: skip
-    TherapySessionNode.end(node)
+    node.trigger_deactivate()
     assert len(recorder.asked["stop"]) == 1 and not recording.runs
-    TherapySessionNode.end(node)
+    node.end()
     assert len(recorder.asked["stop"]) == 1
 
 
@@ -309,18 +316,27 @@ def test_a_hand_of_unknown_position_is_let_go_as_soon_as_it_is_known(relay, allo
 @pytest.mark.parametrize(("age_s", "expected"), [(0.1, HAND), (0.5, None)])
 def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
     """Else the first wish, or the release, would pull from a place that the hand has left."""
-    given = []
-    node = SimpleNamespace(
-        _session=None, _sampled_ns=10 * S, _sample=SimpleNamespace(position=HAND),
-        parameters=SimpleNamespace(read=lambda kind: SimpleNamespace(allow_wishes=True)),
-        _wishes=SimpleNamespace(relay=lambda allowed, hand, now_ns: given.append(hand)),
-    )  # fmt: skip
-    node._silent = lambda now_ns: TherapySessionNode._silent(node, now_ns)
-    node._is_under_way = lambda: False
-    TherapySessionNode._relay_wishes(node, 10 * S + round(age_s * S))
-    node._sampled_ns = node._sample = None  # nothing was heard yet
-    TherapySessionNode._relay_wishes(node, 11 * S)
-    assert given == [expected, None]
+    course = Course(Attendance())
+    assert course.hand(10 * S) is None, "nothing was heard yet"
+    course.sample, course.sampled_ns = hand_sample(at_hand(5), PLANE), 10 * S
+    assert course.hand(10 * S + round(age_s * S)) == expected
+
+
+def at_hand(sequence) -> EndpointState:
+    x, y, z = HAND
+    return EndpointState(sequence=sequence, position=Point(x=x, y=y, z=z))
+
+
+@pytest.fixture
+def session(make_node):
+    """A session's node that is active, and both ends of its topics."""
+    node = make_node("therapy_session")
+    ends = Topics(node)
+    node.trigger_configure()
+    node.trigger_activate()
+    node.requests.ask = lambda act: act()  # its loop is the test
+    yield node, ends
+    node.close()
 
 
 def test_a_session_begins_without_the_games_set_point(relay):
@@ -334,70 +350,61 @@ def test_a_session_begins_without_the_games_set_point(relay):
     assert relay.asked[2:] == [HAND]
 
 
-def test_the_sessions_node_takes_a_games_pull_with_it(relay):
+def test_the_sessions_node_takes_a_games_pull_with_it(session):
     """Nobody would ever let the hand go: the controllers keep the newest set point."""
-    relay.wishes.append(wish(0.1))
-    relay.relay(True, HAND, 10 * S)
-    recording = SimpleNamespace(close=lambda: None)
-    node = SimpleNamespace(
-        _session=None, _recording=recording, _wishes=relay,
-        clock=ManualClock(10 * S), _silent=lambda now_ns: False,
-        _sample=SimpleNamespace(position=HAND), _is_under_way=lambda: False,
-    )  # fmt: skip
-    node._relay_wishes = partial(TherapySessionNode._relay_wishes, node)
-    TherapySessionNode.end(node)
-    assert relay.asked[1:] == [HAND]
+    node, ends = session
+    ends.heard["endpoint_state"].append(at_hand(5))
+    ends.heard["therapy/wish"].append(wish(0.1))
+    node.step()
+    (asked,) = ends.told["setpoint"]
+    node.trigger_deactivate()
+    let_go = ends.told["setpoint"][1].position
+    assert asked.position.x > HAND[0] and (let_go.x, let_go.y, let_go.z) == HAND
 
 
-S = 1_000_000_000
-
-
-def test_a_node_that_was_deactivated_forgets_the_patient(make_node):
-    node, published = make_node("therapy_session"), []
-    node.connect()
-    node.begin()
-    node._state.patient, node._state.trial, node._state.reason = "P-7K3QX", 12, "it was ended"
-    node._state.definition_sha256 = "0" * 64
-    node.begin()
-    node._publish_state = published.append
-    node._send(node.clock.now_ns() + S)
-    node.disconnect()
-    node.close_topics()
-    (state,) = published
+def test_a_node_that_was_deactivated_forgets_the_patient(session):
+    node, ends = session
+    ends.heard["endpoint_state"].append(at_hand(5))
+    node.step()
+    started = asked(node, "~/start", StartTherapy.Request(protocol="evaluation", patient="P-7K3QX"))
+    assert started.success
+    node.step()
+    assert ends.told["therapy/state"][-1].patient == "P-7K3QX"
+    node.trigger_deactivate()
+    node.trigger_activate()
+    node.step()
+    state = ends.told["therapy/state"][-1]
     state.header.stamp.sec = state.header.stamp.nanosec = state.monotonic_ns = 0
     idle = TherapyState(state=TherapyState.IDLE)
     idle.header.frame_id = "manus_base"
     assert state == idle
 
 
-def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(make_node):
+def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(session, monkeypatch):
     """After a kill of this node the recorder goes on, with the name of the patient before."""
-    node = make_node("therapy_session")
-    node.connect()
-    node.begin()
-    node._take_sample(EndpointState(sequence=5), node.clock.now_ns())
-    node._recording.of_another = lambda patient, now_ns: "P-33333"
+    node, ends = session
+    ends.heard["endpoint_state"].append(at_hand(5))
+    node.step()
     request = StartTherapy.Request(protocol="evaluation", patient="P-22222")
-    node.requests.ask = lambda act: act()
-    answer = node._start(request)
-    node._recording.of_another = lambda patient, now_ns: ""
-    begun = node._start(request)
-    node.disconnect()
-    node.close_topics()
+    with monkeypatch.context() as patch:
+        patch.setattr(SessionRecording, "of_another", lambda *_: "P-33333")
+        answer = asked(node, "~/start", request).message
     assert "still records a session of P-33333" in answer and "session_recorder/stop" in answer
-    assert begun == ""
+    assert asked(node, "~/start", request).success
 
 
 MESSAGES = 150  # three quarters of a second
 
 
-def test_samples_of_a_pause_are_all_taken(make_node, wait_until):
+def test_samples_of_a_pause_are_all_taken(make_node, wait_until, monkeypatch):
     """The queue held ten, 50 ms: trials counted samples as missing that the bag had."""
     node = make_node("therapy_session")
     node.connect()
     node.begin()
     taken = []
-    node._take_sample = lambda message, now_ns: taken.append(message.sequence)
+    monkeypatch.setattr(
+        therapy_session, "hand_sample", lambda message, space: taken.append(message.sequence)
+    )
     publisher = node.create_publisher(EndpointState, "endpoint_state", topics.EACH_STATE)
     wait_until(lambda: publisher.get_subscription_count() == 1, what="discovery")
     for number in range(MESSAGES):

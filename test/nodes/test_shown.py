@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
 from screw_module_msgs.msg import (
@@ -14,7 +13,9 @@ from screw_module_msgs.msg import (
     PlanarState,
     SafetyState,
 )
+from wired import Topics
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.planar_settings import least_damping
 from screw_module_ros.geometry import forward
 from screw_module_ros.nodes.amplifier import fill_amplifier
@@ -206,23 +207,23 @@ def test_an_encoder_sample(change):
 def shown_pin(make_node):
     """Return a function that returns safety and pin as shown at a time [ns]."""
     node = make_node("endpoint_state")
+    ends = Topics(node)
+    clock = node.clock = ManualClock()
     node.trigger_configure()
     node.trigger_activate()
 
     def shown_at(now_ns: int) -> tuple[int, bool]:
-        node._ticker = SimpleNamespace(
-            sleep=lambda: SimpleNamespace(monotonic_ns=now_ns, sequence=1)
-        )
+        clock.time_ns = now_ns
         node.step()
-        return node._message.safety, node._message.vertical_locked
+        shown = ends.told["endpoint_state"][-1]
+        return shown.safety, shown.vertical_locked
 
-    shown_at.safety = node._inputs["safety_state"]
+    shown_at.heard = ends.heard["safety_state"]
     return shown_at
 
 
 def test_a_pin_does_not_come_out_with_the_supervisor_s_end(shown_pin):
     assert shown_pin(10**9) == (SafetyState.UNKNOWN, False)
-    shown_pin.safety.message = SafetyState(level=SafetyState.OK, vertical_locked=True)
-    shown_pin.safety.arrival_ns = 2 * 10**9
+    shown_pin.heard.append(SafetyState(level=SafetyState.OK, vertical_locked=True))
     assert shown_pin(2 * 10**9) == (SafetyState.OK, True)
     assert shown_pin(9 * 10**9) == (SafetyState.UNKNOWN, True)

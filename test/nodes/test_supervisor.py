@@ -9,11 +9,13 @@ from __future__ import annotations
 import os
 import shutil
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from screw_module_msgs.msg import ForceSample
-from std_srvs.srv import SetBool, Trigger
+from services import asked
+from std_srvs.srv import SetBool
 
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support import runtime
@@ -24,7 +26,6 @@ from screw_module_ros.safety.supervision import (
     OK,
     STOPPED,
     WAITING,
-    Decision,
 )
 
 
@@ -34,28 +35,37 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "state"
 
 
-class Publisher:
-    """Notes what is published, and whether the lock was held."""
+class Decided(NamedTuple):
+    """What one safety_state said, and whether the lock was held while it was published."""
 
-    def __init__(self, node):
-        self.node, self.told, self.held = node, [], []
-
-    def publish(self, message):
-        self.held.append(self.node._changing.locked())
-        self.told.append((message.estopped, message.vertical_locked, list(message.reasons)))
+    estopped: bool
+    locked: bool
+    reasons: list[str]
+    enabled: bool
+    held: bool
 
 
 @pytest.fixture
-def supervisor(make_node):
-    """Return a maker of supervisors; each stands for a process that ended without a farewell."""
+def supervisor(make_node, monkeypatch):
+    """Return a maker of supervisors; each stands for a process that ended without a farewell.
+
+    told: what it has published, each a `Decided`.
+    """
     made = []
 
     def make():
         node = SupervisorNode() if made else make_node("supervisor")
         made.append(node)
+        node.told = []
+
+        def publish(message):
+            node.told.append(Decided(
+                message.estopped, message.vertical_locked, list(message.reasons),
+                message.planar_permitted, node._changing.locked(),
+            ))  # fmt: skip
+
+        monkeypatch.setattr(node, "outlet", lambda kind, topic, qos: publish)
         node.trigger_configure()
-        node._publisher = Publisher(node)
-        node._send = node._publisher.publish
         node.trigger_activate()
         return node
 
@@ -77,6 +87,7 @@ def lives(monkeypatch):
 
 
 SILENT = "manus: no message for more than 0.2 s"
+S = 1_000_000_000
 
 
 def fails(*_):
@@ -84,48 +95,68 @@ def fails(*_):
 
 
 def lock(node, locked):
-    return node._lock(SetBool.Request(data=locked))
+    return asked(node, "~/lock_vertical", SetBool.Request(data=locked)).message
 
 
 def estop(node):
-    return node._estop(Trigger.Request())
+    return asked(node, "~/estop").success
 
 
 def reset(node):
-    return node._reset(Trigger.Request())
+    return asked(node, "~/reset").success
 
 
-def test_estop_lock_and_latched_stop_outlive_the_process(supervisor):
+def heard(node, now, enabled=False, but=()):
+    """Stand for a message of every node but these; enabled: of the drives."""
+    for name, newest in node.sources.items():
+        if name not in but:
+            newest.arrival_ns = now
+            newest.message = SimpleNamespace(
+                faulted=False, enabled=enabled and name in ("amplifier", "manus"), reason=""
+            )
+
+
+def latch(node):
+    """Have the plane fall silent while the drives are enabled."""
+    heard(node, S, enabled=True)
+    node.decide(S)
+    assert node.told[-1].reasons == []
+    heard(node, 2 * S, but=("manus",))
+    node.decide(2 * S)
+    assert SILENT in node.told[-1].reasons
+
+
+@pytest.fixture
+def saved():
+    """The file of what outlives the supervisor's process."""
+    return SavedState("/supervisor").path
+
+
+def test_estop_lock_and_latched_stop_outlive_the_process(supervisor, saved):
     node = supervisor()
+    latch(node)
     estop(node)
     lock(node, True)
-    node._state = node._state._replace(latched=("encoder: no message for more than 0.2 s",))
-    node._publish(1)
 
     node = supervisor()
-    node._publish(1)
-    estopped, locked, reasons = node._publisher.told[-1]
-    assert estopped and locked
-    assert reasons[:2] == [
-        "emergency stop",
-        "before the supervisor was started anew: encoder: no message for more than 0.2 s",
-    ]
-    assert reset(node) == ""
+    node.decide(1)
+    assert node.told[-1].estopped and node.told[-1].locked
+    assert node.told[-1].reasons[:2] == ["emergency stop", EARLIER + SILENT]
+    assert reset(node)
 
     node = supervisor()
-    node._publish(1)
-    assert node._publisher.told[-1][:2] == (False, True), "a reset does not unlock"
+    node.decide(1)
+    assert node.told[-1][:2] == (False, True), "a reset does not unlock"
     lock(node, False)
-    assert not node._kept.path.exists()
+    assert not saved.exists()
 
 
 @pytest.mark.parametrize("end", ["in order", "loop", "requests", "cleanup"])
 def test_only_an_orderly_end_forgets_what_was_latched(supervisor, lives, end):
     """Emergency stop and lock alone outlive one; a cleanup is no end, nor is an error."""
     node = supervisor()
+    latch(node)
     estop(node)
-    node._state = node._state._replace(latched=(SILENT,))
-    node._publish(1)
     if end == "in order":
         assert lives(node, lambda nodes: node.stopping.set())
     elif end == "requests":
@@ -138,22 +169,23 @@ def test_only_an_orderly_end_forgets_what_was_latched(supervisor, lives, end):
         node.trigger_deactivate()
         node.trigger_cleanup()
     node = supervisor()
-    assert node._state.estopped
-    assert node._state.latched == (() if end == "in order" else (EARLIER + SILENT,))
+    node.decide(1)
+    assert node.told[-1].estopped
+    assert (EARLIER + SILENT in node.told[-1].reasons) is not (end == "in order")
 
 
-def test_a_stop_that_could_not_be_saved_is_saved_later(supervisor):
+def test_a_stop_that_could_not_be_saved_is_saved_later(supervisor, saved):
     """The disk was full at the stop, and had space again before the process was killed."""
     node = supervisor()
-    folder = node._kept.path.parent
-    folder.mkdir(parents=True, exist_ok=True)
-    node._kept.path.with_suffix(".tmp").mkdir()
+    saved.parent.mkdir(parents=True, exist_ok=True)
+    saved.with_suffix(".tmp").mkdir()
     estop(node)
-    assert not node._kept.path.exists()
-    node._kept.path.with_suffix(".tmp").rmdir()
-    node._publish(1)
+    assert not saved.exists()
+    saved.with_suffix(".tmp").rmdir()
+    node.decide(1)
     node = supervisor()
-    assert node._state.estopped
+    node.decide(1)
+    assert node.told[-1].estopped
 
 
 def test_activated_again_it_does_not_blame_nodes_for_its_own_pause(supervisor):
@@ -161,50 +193,39 @@ def test_activated_again_it_does_not_blame_nodes_for_its_own_pause(supervisor):
     node = supervisor()
     now = node.clock.now_ns()
     heard(node, now, enabled=True)
-    node._publish(now)
-    assert node._state.enabled
+    node.decide(now)
+    assert node.told[-1].reasons == []
     node.trigger_deactivate()
     node.trigger_activate()
-    later = now + 60_000_000_000
-    node._publish(later)
-    assert node._publisher.told[-1][2] == [f"{name}: not seen yet" for name in ALL_NODES]
+    later = now + 60 * S
+    node.decide(later)
+    assert node.told[-1].reasons == [f"{name}: not seen yet" for name in ALL_NODES]
     heard(node, later)
-    node._publish(later)
-    assert node._publisher.told[-1][2] == []
-    assert not node._state.latched
+    node.decide(later)
+    assert node.told[-1].reasons == [], "nothing is latched either"
 
 
-def heard(node, now, enabled=False):
-    """Stand for a message of every node; enabled: of the drives."""
-    for name, newest in node._sources.items():
-        newest.arrival_ns = now
-        newest.message = SimpleNamespace(
-            faulted=False, enabled=enabled and name in ("amplifier", "manus"), reason=""
-        )
-
-
-def test_written_once_for_each_change(supervisor, folder):
+def test_written_once_for_each_change(supervisor, folder, saved):
     node = supervisor()
-    node._publish(1)
+    node.decide(1)
     assert not [path for path in folder.rglob("*") if path.is_file()], "nothing to keep"
     estop(node)
-    node._kept.path.unlink()
-    node._publish(1)
-    assert not node._kept.path.exists(), "not each cycle"
+    saved.unlink()
+    node.decide(1)
+    assert not saved.exists(), "not each cycle"
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"{}", b"\xff\xfe", b'{"estopped": 0}']
 )
-def test_garbage_counts_as_an_emergency_stop(supervisor, content):
+def test_garbage_counts_as_an_emergency_stop(supervisor, saved, content):
     node = supervisor()
     estop(node)
-    path = node._kept.path
-    path.write_bytes(content)
+    saved.write_bytes(content)
     node = supervisor()
-    node._publish(1)
-    assert node._publisher.told[-1][0]
-    assert reset(node) == "" and not path.exists()
+    node.decide(1)
+    assert node.told[-1].estopped
+    assert reset(node) and not saved.exists()
 
 
 def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
@@ -220,10 +241,10 @@ def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
     shutil.rmtree(folder)
     folder.write_text("no folder")
     node = supervisor()
-    node._publish(1)
-    assert node._publisher.told[-1][0], "not read: nobody knows whether it was stopped"
+    node.decide(1)
+    assert node.told[-1].estopped, "not read: nobody knows whether it was stopped"
     assert "emergency stop" in said[0] and str(folder) in said[0]
-    assert reset(node) == "" and estop(node) == ""
+    assert reset(node) and estop(node)
     assert any("would lose it" in sentence for sentence in said)
 
 
@@ -259,30 +280,30 @@ def test_one_file_however_the_environment_spells_it(monkeypatch, tmp_path, first
 def test_deciding_filling_and_publishing_are_one(supervisor):
     """Else an emergency stop could go out with what the loop has filled in: permitted."""
     node = supervisor()
-    node._publish(1)
+    node.decide(1)
     estop(node)
-    assert node._publisher.held == [True, True]
-
-
-S = 1_000_000_000
+    assert [told.held for told in node.told] == [True, True]
 
 
 def report(node, now_ns, **sample):
-    """Return what the supervisor makes of a force sensor's sample that has just come."""
-    newest = SimpleNamespace(message=ForceSample(**sample), arrival_ns=now_ns)
-    return node._report("force_sensor", newest, now_ns)
+    """Return what the supervisor says of a force sensor whose sample has just come."""
+    newest = node.sources["force_sensor"]
+    newest.message, newest.arrival_ns = ForceSample(**sample), now_ns
+    node.decide(now_ns)
+    return [reason for reason in node.told[-1].reasons if reason.startswith("force_sensor:")]
 
 
 def diagnose(node, level, message):
     status = DiagnosticStatus(name="force_sensor", level=level, message=message)
-    node._note_diagnostics(DiagnosticArray(status=[status]))
+    (diagnostics,) = [each for each in node.subscriptions if each.topic_name == "/diagnostics"]
+    diagnostics.callback(DiagnosticArray(status=[status]))
 
 
 def test_the_status_in_the_sample_decides_without_any_diagnostics(supervisor):
     node = supervisor()
-    assert not report(node, S).error
-    found = report(node, S, status=1 << 4)
-    assert found.error and found.reason == "force sensor: supply too high (status bit 4)"
+    assert report(node, S) == []
+    told = "force_sensor: force sensor: supply too high (status bit 4)"
+    assert report(node, S, status=1 << 4) == [told]
 
 
 def test_an_alarm_stands_until_the_node_says_otherwise(supervisor):
@@ -290,18 +311,25 @@ def test_an_alarm_stands_until_the_node_says_otherwise(supervisor):
     node = supervisor()
     diagnose(node, DiagnosticStatus.ERROR, "the gauges have not changed for 0.5 s")
     for seconds in (1, 10, 1000):
-        assert report(node, seconds * S).reason == "the gauges have not changed for 0.5 s"
+        told = "force_sensor: the gauges have not changed for 0.5 s"
+        assert report(node, seconds * S) == [told]
     diagnose(node, DiagnosticStatus.OK, "sampling")
-    assert not report(node, 1001 * S).error
+    assert report(node, 1001 * S) == []
 
 
-def test_each_change_is_told_whatever_came_before(supervisor, monkeypatch):
+def test_each_change_is_told_whatever_came_before(supervisor, monkeypatch, capfd):
     """rclpy raises where one place in the code logs with two severities: that ended the node."""
     node, now_ns = supervisor(), 0
     for level in (OK, WAITING, OK, STOPPED, OK, WAITING, STOPPED):
-        node._decided = Decision(level, False, False, False, ("a reason",)), level == STOPPED
+        reset(node)
         for _ in range(30):
             now_ns += 100_000_000
             monkeypatch.setattr(node.clock, "now_ns", lambda at=now_ns: at)
-            node._tell()
-    assert node._announced.level == STOPPED
+            heard(node, now_ns if level != WAITING else 0)
+            if level == STOPPED:
+                estop(node)
+            node.decide(now_ns)
+            node.tell()
+    told = capfd.readouterr().err.splitlines()
+    severities = [line[1:].partition("]")[0] for line in told if "[supervisor]" in line]
+    assert {"INFO", "WARN", "ERROR"} <= set(severities) and severities[-1] == "ERROR"

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import pytest
 from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState, PlanarState
+from services import activate, asked
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.locks import lock_node
-from screw_module_ros.nodes.support.answering import carried_out
 from screw_module_ros.nodes.support.driver import TorqueOff
+from screw_module_ros.nodes.support.states import OK, Health
 
 NAMESPACE = "/torque_off"  # no amplifier of another test has been discovered there
 ON, OFF = AmplifierState(enabled=True), AmplifierState()
@@ -61,7 +62,9 @@ def made(make_node):
         node = make_node(name, "-r", f"__ns:={NAMESPACE}")
         node.device, node.clock = device, PatientClock(1)
         node.port = SimpleNamespace(failed=False)
-        node.requests = SimpleNamespace(ask=lambda act: act())
+        node.requests.ask = lambda act: act()  # its loop is the test
+        node.health = lambda: Health(OK, "", {})
+        activate(node)
         return node
 
     return make
@@ -74,7 +77,7 @@ def home(made):
 
     def ask(*states: AmplifierState) -> str:
         node._torque_off = TorqueOff(node, inbox_with(None, *states), node.clock)
-        return carried_out(node, node._home, None, "~/home", always=True)
+        return asked(node, "~/home").message
 
     ask.device = node.device
     return ask
@@ -139,6 +142,6 @@ def test_no_tare_while_torque_passes_to_the_end(made, before, after, plane, told
     inbox = inbox_with(None, before, None, after, plane=plane)
     topics = ("screw/amplifier_state", "manus/state")
     node._torque_off = TorqueOff(node, inbox, node.clock, topics)
-    said = carried_out(node, node._tare, None, "~/tare", always=True)
+    said = asked(node, "~/tare").message
     assert told in said
     assert bool(tared) is not bool(told)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from screw_module_msgs.msg import SafetyState
+from wired import Topics
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
@@ -22,12 +23,16 @@ class Axis:
     """A controller node that has a force out, its messages, and the time."""
 
     def __init__(self, node):
+        self.ends = Topics(node)
         node.connect()
         node.begin()
         self.node = node
-        self.told: list = []
-        node._publish = lambda data: self.told.append(COMMAND.unpack(data)[:3:2])
         self.tick = 100
+
+    @property
+    def told(self) -> list:
+        """Tick and force of each command."""
+        return [COMMAND.unpack(data)[:3:2] for data in self.ends.told["screw/force_command"]]
 
     @property
     def now(self) -> int:

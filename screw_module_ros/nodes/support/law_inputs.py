@@ -26,17 +26,17 @@ def set_impedance(parameters: Parameters, kind: type, request: SetImpedance.Requ
 class SlotInbox:
     """Subscribes `therapy/slot` for a hot loop. vertical: the axis is z, else x and y.
 
-    refused: problem of the newest slot, empty without one.
+    take: returns the next message. refused: problem of the newest slot, empty without one.
     """
 
     def __init__(self, inbox: Inbox, vertical: bool):
         self.refused = ""
         self._vertical = vertical
-        self._take = inbox.subscribe(*requested(THERAPY_SLOT))
+        self.take = inbox.subscribe(*requested(THERAPY_SLOT))
 
     def read(self, guide: Guide, now_ns: int) -> None:
         """Pass a new slot to the guide; an invalid slot counts as none. now_ns [ns]."""
-        message = self._take()
+        message = self.take()
         if message is None:
             return
         try:
