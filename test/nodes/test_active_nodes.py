@@ -29,7 +29,7 @@ PERIODIC = {
     "impedance_controller": ["_end_lease"],
     "manus": ["_poll_slow"],
     "session_recorder": ["_each_second"],
-    "supervisor": ["_tell"],
+    "supervisor": ["tell"],
 }
 
 
