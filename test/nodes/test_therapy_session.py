@@ -108,8 +108,18 @@ def session(tmp_path_factory):
 
 
 def start(robot, protocol, patient=PATIENT):
+    """Start a recorded session, once the node has heard that the last one's bag is closed.
+
+    The bag is closed a moment before the recorder's answer comes; until then the node refuses.
+    """
     request = StartTherapy.Request(protocol=protocol, patient=patient, record=True)
-    robot.ask(StartTherapy, "therapy_session/start", request)
+
+    def begun():
+        answer = robot.call(StartTherapy, "therapy_session/start", request)
+        assert answer.success or "is being closed" in answer.message, answer.message
+        return answer.success
+
+    robot.wait_until(begun, 30.0, "the last recording is never closed")
 
 
 def finished(robot, patient, folder, protocol):
