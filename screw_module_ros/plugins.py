@@ -5,11 +5,50 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from .settings import SettingError
+
+_LONGEST = 300  # characters
+
+
+def one_line(text: str) -> str:
+    """Return somebody's text as any message can carry it: one line, printable, short."""
+    short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+    return "".join(c if c.isprintable() else "?" for c in " ".join(short.split()))
+
+
+def told(error: BaseException) -> str:
+    """Return what an error of somebody else's code says, in one line: its kind and its text.
+
+    Raises KeyboardInterrupt again: it is the Ctrl-C of who runs this in a terminal. To a node it
+    does not come by a signal.
+    """
+    if isinstance(error, KeyboardInterrupt):
+        raise error
+    kind = type(error).__name__
+    try:
+        text = str(error)
+    except BaseException:
+        text = "its text cannot be told"
+    return one_line(f"{kind}: {text}" if text else kind)
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """Put back what ends a process in order, if an import takes it for itself."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None and signal.getsignal(number) is not handler:
+                signal.signal(number, handler)
 
 
 def load(path: str, group: str, what: str) -> Any:
@@ -31,9 +70,10 @@ def load(path: str, group: str, what: str) -> Any:
             f"there: {known}"
         )
     try:
-        return getattr(importlib.import_module(module), name)
-    except (Exception, SystemExit) as error:  # somebody else's: anything may come out of it
-        raise SettingError(f"{what} {path}: {type(error).__name__}: {error}") from None
+        with _signals_kept():
+            return getattr(importlib.import_module(module), name)
+    except BaseException as error:  # somebody else's: anything may come out of it
+        raise SettingError(f"{what} {path}: {told(error)}") from None
 
 
 def beside(module: str, name: str) -> Path:
@@ -43,30 +83,8 @@ def beside(module: str, name: str) -> Path:
     """
     try:
         spec = importlib.util.find_spec(module)
-    except (Exception, SystemExit) as error:  # of a package above it, which is run
-        raise SettingError(f"{module}:{name}: {type(error).__name__}: {error}") from None
+    except BaseException as error:  # of a package above it, which is run
+        raise SettingError(f"{module}:{name}: {told(error)}") from None
     if spec is None or not spec.has_location or spec.origin is None:
         raise SettingError(f"{module}:{name}: there is no package {module}; is it installed?")
     return Path(spec.origin).parent / name
-
-
-def settings_flaw(kind: Any) -> str:
-    """Return why somebody's class of settings cannot be taken, empty if it can."""
-    names = getattr(kind, "_fields", None)
-    if names is None or not isinstance(kind, type):
-        return "its settings are no NamedTuple"
-    bare = sorted({*names} - {*getattr(kind, "_field_defaults", ())})
-    return f"its setting {bare[0]} has no default" if bare else ""
-
-
-def functions_flaw(given: Any, names: tuple[str, ...]) -> str:
-    """Return that one of these attributes is no function, empty if all are."""
-    no = [name for name in names if not callable(getattr(given, name))]
-    return f"its {no[0]} is no function" if no else ""
-
-
-def prefix_flaw(name: Any) -> str:
-    """Return why a name cannot be the prefix of parameters, empty if it can."""
-    if isinstance(name, str) and name.isidentifier() and name != "self":
-        return ""
-    return f"its name, {name!r}, is also the prefix of its parameters: use letters"

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
-from .. import plugins
+from .. import plugin_flaws, plugins
 from ..geometry import MANUS_NAME, PlanarArm, forward, inverse, jacobian
 from ..settings import SettingError
 
@@ -97,10 +97,14 @@ def load(path: str) -> Arm:
 
 def flaw(arm: Arm) -> str:
     """Return why an arm of others cannot be taken, empty if it can."""
+    return plugin_flaws.first_flaw(arm, _flaw)
+
+
+def _flaw(arm: Arm) -> str:
     if arm.name == FIVE_BAR.name:
         return f"{FIVE_BAR.name} is the name of this package's own: choose another one"
-    wrong = plugins.prefix_flaw(arm.name) or plugins.functions_flaw(arm, FUNCTIONS)
-    if wrong := wrong or plugins.settings_flaw(arm.settings):
+    wrong = plugin_flaws.prefix_flaw(arm.name) or plugin_flaws.functions_flaw(arm, FUNCTIONS)
+    if wrong := wrong or plugin_flaws.settings_flaw(arm.settings):
         return wrong
     if unknown := sorted({*arm.limits} - {*LIMITS}):
         return f"its limit {unknown[0]} is none of {', '.join(LIMITS)}"
@@ -132,8 +136,8 @@ def kinematics_flaw(arm: Arm, own: Any, half_width: float, half_depth: float) ->
                 )
         if not 0.0 <= arm.singular(own) <= NUMBER:
             return f"its singular is {arm.singular(own)!r}, no size"
-    except Exception as error:  # somebody else's: anything may come out of it
-        return f"{type(error).__name__}: {error}"
+    except BaseException as error:  # somebody else's: anything may come out of it
+        return plugins.told(error)
     return "" if seen else "its inverse leads to no point of the workspace, by its own forward"
 
 
@@ -178,7 +182,9 @@ def _caught(function: Callable, size: int) -> Callable:
     def caught(*given: Any) -> Any:
         try:
             numbers = tuple(map(float, function(*given)))
-        except Exception:  # somebody else's: anything may come out of it
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # somebody else's: anything may come out of it
             numbers = ()
         return numbers if len(numbers) == size else (math.nan,) * size
 

@@ -124,7 +124,7 @@ class VerticalController:
             self.set_fault(self.laws.wrong)
             output = self._no_force()
         self.output = output
-        if excites:
+        if excites and not self.laws.wrong:
             self.output = self.output._replace(force=self._excitation(sample, active))
         return self.output
 

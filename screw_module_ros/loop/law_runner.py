@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
+from .. import plugins
 from ..control.envelope import LEAVE, EnvelopeState, enveloped, initial_state
 from ..control.friction import FrictionModel
 from ..control.law import Law
@@ -20,10 +21,8 @@ MOST, MOST_ONCE = 0.5, 2.0
 RUNNING = 3
 
 
-class _Broken(NamedTuple):
-    """In place of what a law's functions get: making it raised this error."""
-
-    error: Exception
+class _Broken(Exception):
+    """In place of what a law's functions get: why it could not be made."""
 
 
 class WorkTime:
@@ -39,21 +38,35 @@ class WorkTime:
 
     def flaw(self, taken_ns: int) -> str:
         """Return why a step took too much, empty if it did not; taken_ns: processor time [ns]."""
-        periods = taken_ns / self._period_ns
-        self._slow = self._slow + 1 if periods > MOST else 0
-        if periods <= MOST_ONCE and self._slow < RUNNING:
+        if taken_ns <= MOST * self._period_ns:
+            self._slow = 0
             return ""
-        most = MOST_ONCE if periods > MOST_ONCE else MOST
+        self._slow += 1
+        often = self._slow >= RUNNING and taken_ns <= MOST_ONCE * self._period_ns
+        return self.duration_flaw("a step", taken_ns, MOST if often else MOST_ONCE)
+
+    def duration_flaw(self, what: str, taken_ns: int, most: float = MOST_ONCE) -> str:
+        """Return why it took more than `most` periods, empty if it did not."""
+        if taken_ns <= most * self._period_ns:
+            return ""
         return (
-            f"{taken_ns / 1e6:.2f} ms of processor time for a step, more than "
+            f"{taken_ns / 1e6:.2f} ms of processor time for {what}, more than "
             f"{most * self._period_ns / 1e6:g} ms"
         )
 
 
 def numbers_of(memory: Any, shown: Iterable[str]) -> dict[str, float]:
     """Return attributes of a law's memory by their names; NaN for what is no number there."""
-    values = {name: getattr(memory, name, math.nan) for name in shown}
-    return {name: v if isinstance(v, (int, float)) else math.nan for name, v in values.items()}
+    return {name: _number(memory, name) for name in shown}
+
+
+def _number(memory: Any, name: str) -> float:
+    try:
+        return float(getattr(memory, name))
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # the law may be somebody else's: anything may come out of it
+        return math.nan
 
 
 class LawRunner:
@@ -82,22 +95,35 @@ class LawRunner:
         self._steps = {law.name: enveloped(law) for law in self.laws}
         self._chosen = dict(settings or {})
         self._friction, self._work_ns, self._work = friction, work_ns, WorkTime(period_ns)
-        self._owns: dict[str, Any] = {}
-        self._take(p)
+        self._p = p
+        self._owns = {law.name: self._made_own(law, p) for law in self.laws}
         self.restart()
 
     def choose(self, name: str, settings: Any) -> None:
-        """Take other settings of a law of others."""
+        """Take other settings of a law of others; for any thread."""
         self._chosen[name] = settings
-        self._take(self._p)
+        law, p = next(law for law in self.laws if law.name == name), None
+        while p is not self._p:  # which a step may replace meanwhile
+            p = self._p
+            self._owns[name] = self._made_own(law, p)
 
     def _take(self, p: VerticalSettings) -> None:
+        """Take other settings within a step; a law that is slow with them, running or not, has
+        itself to blame."""
         self._p = p
         for law in self.laws:
-            try:
-                self._owns[law.name] = own_of(law, p, self._friction, self._chosen.get(law.name))
-            except Exception as error:  # told when the law runs: the others need not know
-                self._owns[law.name] = _Broken(error)
+            begun = self._work_ns() if self._work_ns else 0
+            own = self._made_own(law, p)
+            if self._work_ns and (late := self._work.duration_flaw("own", self._work_ns() - begun)):
+                own = _Broken(late)
+            self._owns[law.name] = own
+
+    def _made_own(self, law: Law, p: VerticalSettings) -> Any:
+        """Return what a law's functions get, `_Broken` if that fails: it is told when it runs."""
+        try:
+            return own_of(law, p, self._friction, self._chosen.get(law.name))
+        except BaseException as error:  # the law may be somebody else's: anything may come out
+            return _Broken(plugins.told(error))
 
     def needs_force(self, mode: int) -> bool:
         """Return whether a mode cannot begin before a sample of the handle's force."""
@@ -125,36 +151,42 @@ class LawRunner:
         """
         try:
             self.state: EnvelopeState = self._begun()
-        except Exception:
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
             self.law = self.laws[0]
             self.state = self._begun()
 
     def _begun(self) -> EnvelopeState:
-        return initial_state(self._p, self.law, self._own(self.law))
+        state = initial_state(self._p, self.law, self._own(self.law))
+        state.mode = min(self.law.variants)  # also where OFF is the first mode that comes
+        return state
 
     def _own(self, law: Law) -> Any:
-        """Return what the law's functions get. Raises the law's own error."""
+        """Return what the law's functions get. Raises `_Broken`."""
         own = self._owns[law.name]
         if isinstance(own, _Broken):
-            raise own.error
+            raise _Broken(*own.args)
         return own
 
     def step(self, p: VerticalSettings, inp: VerticalInput, dt: float) -> VerticalOutput | None:
         """Return the running law's command, None with `wrong` where it has none."""
         self.wrong = ""
         begun = self._work_ns() if self._work_ns else 0
-        wanted = self._of.get(inp.mode, self.law)
+        asked = wanted = self._of.get(inp.mode, self.law)
         try:
             if p is not self._p:
                 self._take(p)
+                begun = self._work_ns() if self._work_ns else 0
             if wanted is not self.law:
                 inp = self._making_room(wanted, inp)
-            own = self._owns[self.law.name]
+            asked = self.law
+            own = self._owns[asked.name]
             if type(own) is _Broken:
-                raise own.error
-            output = self._steps[self.law.name](p, own, self.state, inp, dt)
-        except Exception as error:  # the law may be somebody else's: anything may come out of it
-            self._fails(wanted, f"{type(error).__name__}: {error}")
+                raise _Broken(*own.args)
+            output = self._steps[asked.name](p, own, self.state, inp, dt)
+        except BaseException as error:  # the law may be somebody else's: anything may come out
+            self._fails(asked, str(error) if type(error) is _Broken else plugins.told(error))
             return None
         if self.state.wrong:
             self._fails(self.law, "its answer is no number")
@@ -169,7 +201,7 @@ class LawRunner:
         if self.state.weight > 0.0 and inp.active:
             return inp._replace(mode=LEAVE)
         memory = wanted.memory(self._own(wanted))
-        self.law, self.state.law = wanted, memory
+        self.law, self.state.law, self.state.mode = wanted, memory, inp.mode
         self._work.restart()
         return inp
 

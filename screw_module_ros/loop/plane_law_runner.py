@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..control.arms import Arm, answering
+from .. import plugins
+from ..control.arms import FIVE_BAR, Arm, answering
 from ..control.laws.plane import own_of
 from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.planar import PlanarInput, PlanarOutput
@@ -53,7 +54,9 @@ class PlaneLawRunner:
         self._p = p
         try:
             self._begin(self.law)
-        except Exception:  # told when it runs
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # told when it runs
             self._begin(PLANE_IMPEDANCE)
 
     def _begin(self, law: PlaneLaw) -> None:
@@ -75,15 +78,16 @@ class PlaneLawRunner:
             if self._running is not self.law and inp.active:
                 self._begin(self.law)
             output = self._step(p, self._own, self.state, inp, dt)
-        except Exception as error:  # the law may be somebody else's: anything may come out of it
-            return self._failed(f"{type(error).__name__}: {error}", p, inp, dt)
+        except BaseException as error:  # the law may be somebody else's: anything may come out
+            return self._failed(plugins.told(error), p, inp, dt)
         if self.state.wrong == ARM:
             self.wrong = f"arm {self.arm.name}: its answer is no number"
             return _NOWHERE
         if self.state.wrong:
             return self._failed("its answer is no number", p, inp, dt)
         if self._work_ns and (late := self._work.flaw(self._work_ns() - begun)):
-            return self._failed(late, p, inp, dt)
+            shared = "" if self.arm is FIVE_BAR else f"with arm {self.arm.name}, "
+            return self._failed(f"{shared}{late}", p, inp, dt)
         return output
 
     def _failed(self, why: str, p: PlanarSettings, inp: PlanarInput, dt: float) -> PlanarOutput:

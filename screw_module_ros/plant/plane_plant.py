@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .. import plugins
+from .. import plugin_flaws, plugins
 from ..settings import SettingError
 from .patient import ArmForce
 from .planar import (
@@ -70,8 +70,12 @@ def load(path: str) -> PlanePlant:
         raise SettingError(
             f"plane_plant {path}: it is no screw_module_ros.plant.plane_plant.PlanePlant"
         )
-    functions = ("rest", "params", "step", "place", "torques")
-    wrong = plugins.functions_flaw(plant, functions) or plugins.settings_flaw(plant.settings)
-    if wrong:
+    if wrong := plugin_flaws.first_flaw(plant, _flaw):
         raise SettingError(f"plane_plant {path}: {wrong}")
     return plant
+
+
+def _flaw(plant: PlanePlant) -> str:
+    functions = ("rest", "params", "step", "place", "torques")
+    wrong = plugin_flaws.functions_flaw(plant, functions)
+    return wrong or plugin_flaws.settings_flaw(plant.settings)

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import math
+import signal
+import sys
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import pytest
 
@@ -18,7 +20,7 @@ from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.law import Law, Variant, pulls
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.settings import SettingError
+from screw_module_ros.settings import Setting, SettingError
 
 
 class Own(NamedTuple):
@@ -27,8 +29,20 @@ class Own(NamedTuple):
     gain: float = 1.0
 
 
+def beginning(value, text="a gain", hint=None):
+    """Return a class of settings whose gain begins with a value."""
+
+    class Settings(NamedTuple):
+        gain: float = value
+
+    limited = Annotated[float, Setting(text, "", 0.0, 1.0)]
+    Settings.__annotations__["gain"] = hint or limited
+    return Settings
+
+
 MINE = Law("mine", {100: Variant("MINE", ("gain",))}, Own)
 OTHER = Law("mine", {100: Variant("OTHER")}, Own)
+SAME_TITLE = Law("another", {101: Variant("MINE")}, Own)
 SAME_MODE = Law("another", {100: Variant("ANOTHER")}, Own)
 NO_LAW = 3.0
 
@@ -80,6 +94,21 @@ def test_what_is_no_law_is_told_in_a_sentence(named, said):
         ({"settings": dict}, "its settings are no NamedTuple"),
         ({"settings": NamedTuple("Bare", [("gain", float)])}, "its setting gain has no default"),
         ({"shown": tuple("abcdefghi")}, "is no tuple of 8 names at most"),
+        ({"shown": (1, 2)}, "is no tuple of 8 names at most"),
+        ({"shown": ("depth", "depth")}, "has a name twice"),
+        ({"name": "größe"}, "is also the prefix of its parameters"),
+        ({"name": "n" * 61}, "is also the prefix of its parameters"),
+        ({"variants": {100: Variant("no\ud800pe")}}, "a short name is wanted"),
+        ({"variants": {100: Variant(None)}}, "a short name is wanted"),
+        ({"variants": {100: Variant("A"), 101: Variant("A")}}, "two of its modes have one name"),
+        ({"variants": {100: Variant("A", (["gain"],))}}, "TypeError: unhashable type"),
+        ({"settings": beginning(2.0)}, "gain = 2.0: above the largest allowed, 1"),
+        ({"settings": beginning(1)}, "its setting gain begins as 1, no float"),
+        ({"settings": beginning([1.0])}, "its setting gain begins as [1.0], no float"),
+        ({"settings": beginning(math.nan)}, "gain = nan: a finite number is wanted"),
+        ({"settings": beginning(1.0, "\ud800")}, "UnicodeEncodeError"),
+        ({"settings": beginning(1.0, hint="flaot")}, "NameError: name 'flaot' is not defined"),
+        ({"margins": "gain"}, "AttributeError"),
         ({"variants": {100: Variant("A", ("force",))}}, "its gain force is none of its settings"),
     ],
     ids=str,
@@ -91,7 +120,8 @@ def test_a_law_that_others_may_not_bring_is_refused(change, said):
 
 @pytest.mark.parametrize(
     ("second", "said"),
-    [("OTHER", "another one is called mine too"), ("SAME_MODE", "mode 100 is mine's")],
+    [("OTHER", "another one is called mine too"), ("SAME_MODE", "mode 100 is mine's"),
+     ("SAME_TITLE", "mine has a mode MINE too")],
 )
 def test_two_laws_with_one_name_or_mode_are_refused(second, said):
     assert laws.loaded(["", path("MINE")]) == (*laws.LAWS, MINE)
@@ -110,10 +140,75 @@ def test_an_error_in_a_law_s_own_refusal_is_its_refusal():
     assert said == "law mine: refusal: ZeroDivisionError: no such gain"
 
 
+def test_a_refusal_is_one_line_whatever_it_says_or_raises():
+    def leaves(settings, mode):
+        raise SystemExit("bye\nbye")
+
+    class Unreadable:
+        def __repr__(self):
+            raise ValueError("no text")
+
+    assert laws.refusal(replace(MINE, refusal=leaves), Own(), 100) == (
+        "law mine: refusal: SystemExit: bye bye"
+    )
+    said = laws.refusal(replace(MINE, refusal=lambda s, mode: "\ud800" * 1000), Own(), 100)
+    assert said.isprintable() and len(said) == 300
+    said = laws.refusal(replace(MINE, refusal=lambda s, mode: Unreadable()), Own(), 100)
+    assert said == "law mine: refusal: ValueError: no text"
+
+
+@pytest.fixture
+def imported(tmp_path, monkeypatch):
+    """Return what imports a module of a text as a law's."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def load(text):
+        (tmp_path / "brought.py").write_text(text)
+        try:
+            return laws.load("brought:LAW")
+        finally:
+            sys.modules.pop("brought", None)
+
+    return load
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("import sys; sys.exit('no')", "SystemExit: no"),
+        ("raise GeneratorExit", "GeneratorExit"),
+        ("raise ValueError('\\ud800\\n')", r"ValueError: ?"),
+        ("LAW = ", "SyntaxError: invalid syntax"),
+    ],
+)
+def test_a_module_that_cannot_be_imported_is_a_sentence(imported, text, said):
+    with pytest.raises(SettingError) as caught:
+        imported(text)
+    assert str(caught.value).startswith(f"law brought:LAW: {said}")
+
+
+def test_a_law_whose_module_handles_signals_leaves_them_to_the_node(imported):
+    """A node ends in order by them: torque off, a last zero."""
+
+    def ends(number, frame):
+        pass
+
+    before = signal.signal(signal.SIGTERM, ends)
+    try:
+        with pytest.raises(SettingError, match="no attribute 'LAW'"):
+            imported("import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)")
+        assert signal.getsignal(signal.SIGTERM) is ends
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def test_the_version_of_a_law_of_others_is_its_source_and_the_envelope():
     version = law_version(replace(MINE, ask=lambda own, m, sample, motion: pulls(1.0)))
     assert len(version) == 12 and version != law_version() != law_version(MINE)
     assert law_version(replace(MINE, ask=partial(max, 1.0))) == "unknown", "it is no Python"
+    gone = lambda own, m, sample, motion: pulls(1.0)  # noqa: E731
+    gone.__module__ = "no.such.module"
+    assert law_version(replace(MINE, ask=gone)) == "unknown", "its file is gone"
 
 
 def test_a_law_without_functions_is_the_robot_s_spring():

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -27,6 +28,7 @@ class OddSettings(NamedTuple):
     alternates: Annotated[bool, Setting("changes the sign of pull each tick", live=True)] = False
     nan: Annotated[bool, Setting("asks for no number", live=True)] = False
     raises: Annotated[bool, Setting("raises an error", live=True)] = False
+    exits: Annotated[bool, Setting("would end the process at rest", live=True)] = False
     work: Annotated[float, Setting("processor time it says it took", "ms", *_ANY, live=True)] = 0.0
     busy: Annotated[float, Setting("processor time it takes", "ms", 0.0, 100.0, live=True)] = 0.0
 
@@ -63,6 +65,8 @@ def foresee(own, m, sample: Sample) -> float:
 
 def rest(own, m) -> None:
     """Forget the ticks."""
+    if own.exits:
+        sys.exit("no such\nmuscle \ud800")
     burn(own.busy)
     m.ticks = 0.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A law of another package in the graph by wall clock: what takes too long is no force."""
+"""A law of another package in the graph by wall clock: what is too slow, or exits, is no force."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LAWS = Path(__file__).parents[1] / "loop"
 GIVEN = """impedance_controller:laws:=["laws_of_others:THE_ODD"]"""
 
 
-def test_a_law_that_takes_longer_than_a_period_is_told_by_its_processor_time(monkeypatch):
+def test_a_law_that_takes_too_long_or_would_end_the_process_is_told(monkeypatch):
     """Of the thread's own time: a full machine, which only makes it wait, is no fault of a law."""
     monkeypatch.setenv("PYTHONPATH", str(LAWS), prepend=os.pathsep)
     with GraphRun(only=CHAIN, extra=["-p", GIVEN], wall_clock=True) as graph:
@@ -40,4 +40,11 @@ def test_a_law_that_takes_longer_than_a_period_is_told_by_its_processor_time(mon
                 "nobody says that the law takes too long",
             )
             assert robot.newest(ImpedanceState).commanded_force == 0.0
-            robot.set_parameter("impedance_controller", "odd.busy", 0.0)  # it can end at once
+            robot.set_parameter("impedance_controller", "odd.busy", 0.0)
+            robot.set_parameter("impedance_controller", "odd.exits", True)
+            robot.wait_until(
+                lambda: robot.newest(ImpedanceState).reason
+                == "law odd: SystemExit: no such muscle ?",
+                20.0, "nobody says that the law would end the process",
+            )  # fmt: skip
+            robot.set_parameter("impedance_controller", "odd.exits", False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ... import plugins
+from ... import plugin_flaws, plugins
 from ...settings import SettingError
 from ..friction import FrictionModel
 from ..law import LINEAR, Law, Margin, Robot, Variant
@@ -118,6 +118,9 @@ def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
                 raise SettingError(
                     f"law {path}: mode {both[0]} is {other.name}'s: choose another number"
                 )
+            called = {variant.name for variant in other.variants.values()}
+            if same := sorted(called & {variant.name for variant in law.variants.values()}):
+                raise SettingError(f"law {path}: {other.name} has a mode {same[0]} too: rename it")
         laws = (*laws, law)
     return laws
 
@@ -129,27 +132,27 @@ def refusal(law: Any, settings: Any, *mode: int) -> str:
     """
     try:
         said = law.refusal(settings, *mode)
-    except Exception as error:  # the law may be somebody else's: anything may come out of it
-        return f"law {law.name}: refusal: {type(error).__name__}: {error}"
-    if said is None or isinstance(said, str):
-        return said or ""
-    return f"law {law.name}: its refusal is {said!r}, no sentence"
+        if said is None or isinstance(said, str):
+            return plugins.one_line(said or "")
+        return f"law {law.name}: its refusal is {plugins.one_line(repr(said))}, no sentence"
+    except BaseException as error:  # the law may be somebody else's: anything may come out of it
+        return f"law {law.name}: refusal: {plugins.told(error)}"
 
 
 def flaw(law: Law) -> str:
     """Return why a law of others cannot be taken, empty if it can."""
-    return _flaw_of_kind(law) or _flaw_of_modes(law) or _flaw_of_settings(law)
+    return plugin_flaws.first_flaw(law, _flaw_of_kind, _flaw_of_modes, _flaw_of_settings)
 
 
 def _flaw_of_kind(law: Law) -> str:
     functions = ("foresee", "ask", "help", "rest", "memory", "own", "refusal")
-    wrong = plugins.prefix_flaw(law.name) or plugins.functions_flaw(law, functions)
+    wrong = plugin_flaws.prefix_flaw(law.name) or plugin_flaws.functions_flaw(law, functions)
     if wrong:
         return wrong
     if law.heeds:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
-    if not isinstance(law.shown, tuple) or len(law.shown) > MOST_SHOWN:
-        return f"what it shows, {law.shown!r}, is no tuple of {MOST_SHOWN} names at most"
+    if wrong := plugin_flaws.shown_flaw(law.shown, MOST_SHOWN):
+        return wrong
     if law.judged not in ("", LINEAR):
         return f"it is judged by {law.judged!r}: {LINEAR!r} is wanted, or nothing"
     return ""
@@ -166,8 +169,12 @@ def _flaw_of_modes(law: Law) -> str:
     for mode, variant in law.variants.items():
         if not isinstance(variant, Variant) or not isinstance(variant.gains, tuple):
             return f"mode {mode} is {variant!r}: a Variant with a tuple of gains is wanted"
+        if not plugin_flaws.is_title(variant.name):
+            return f"mode {mode} is called {variant.name!r}: a short name is wanted"
         if variant.name in all_names().values():
             return f"mode {mode} has the name of a mode of this package, {variant.name}"
+    if len({variant.name for variant in law.variants.values()}) < len(modes):
+        return "two of its modes have one name"
     return ""
 
 
@@ -175,7 +182,7 @@ def _flaw_of_settings(law: Law) -> str:
     kind: Any = law.settings
     if any(kind is other.settings for other in LAWS):
         return "its settings are those of a law of this package: make a NamedTuple of your own"
-    if wrong := plugins.settings_flaw(kind):
+    if wrong := plugin_flaws.settings_flaw(kind):
         return wrong
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
     if unknown := sorted(gains - set(kind._fields)):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ... import plugins
+from ... import plugin_flaws, plugins
 from ...settings import SettingError
 from ..law import Law
 from ..planar_settings import PlanarSettings
@@ -41,19 +41,23 @@ def load(path: str) -> PlaneLaw:
 
 def flaw(law: PlaneLaw) -> str:
     """Return why a law of others cannot be taken, empty if it can."""
+    return plugin_flaws.first_flaw(law, _flaw)
+
+
+def _flaw(law: PlaneLaw) -> str:
     functions = ("memory", "needs", "ask", "help", "rest", "own", "refusal")
-    wrong = plugins.prefix_flaw(law.name) or plugins.functions_flaw(law, functions)
+    wrong = plugin_flaws.prefix_flaw(law.name) or plugin_flaws.functions_flaw(law, functions)
     if wrong:
         return wrong
     if law.heeds:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
     if law.name in [known.name for known in PLANE_LAWS]:
         return f"{law.name} is the name of a law of this package: choose another one"
-    if not isinstance(law.shown, tuple) or len(law.shown) > MOST_SHOWN:
-        return f"what it shows, {law.shown!r}, is no tuple of {MOST_SHOWN} names at most"
+    if wrong := plugin_flaws.shown_flaw(law.shown, MOST_SHOWN):
+        return wrong
     if law.settings is PlanarSettings:
         return "its settings are those of the plane: make a NamedTuple of your own"
-    return plugins.settings_flaw(law.settings)
+    return plugin_flaws.settings_flaw(law.settings)
 
 
 def own_of(law: PlaneLaw, p: PlanarSettings, chosen: Any = None) -> Any:
