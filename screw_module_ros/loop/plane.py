@@ -176,9 +176,14 @@ class Plane:
         return gate.enable(self.drives.permit, requests)
 
     def clear_fault(self, requests: Requests) -> str:
-        """Recover both drives; home again if one counts from elsewhere now. See `gate`."""
+        """Recover both drives; home again if one counts from elsewhere now. See `gate`.
+
+        The homes are lost before it: none outlives a drive's new count, whatever fails after that.
+        """
         elsewhere = self.drives.count_anew
-        fault = gate.clear_fault(self.drives.permit, requests)
         if elsewhere:
             requests.ask(self.controller.lose_homes)
+        fault = gate.clear_fault(self.drives.permit, requests)
+        if elsewhere:
+            requests.ask(self.controller.lose_homes)  # the positions begin anew
         return fault

@@ -10,6 +10,8 @@ import pytest
 
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.devices import drive_group
+from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.loop import gate
 from screw_module_ros.safety.permit import CLOSED, OPENING
 
 
@@ -77,6 +79,26 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     bench.ticks(30)
     assert not axes.controller.homed and "not homed" in bench.enable_plane()
     assert homed_and_enabled(bench)
+
+
+def test_no_home_outlives_a_restart_whose_clearing_was_not_answered(bench, monkeypatch):
+    """The drive counts anew, and nothing is left by which a second clearing would know it."""
+    plane, cleared = bench.plane, gate.clear_fault
+
+    def unanswered(permit, requests):
+        cleared(permit, requests)
+        raise NotNow("the loop does not run: activate the node")
+
+    assert plane.controller.homed
+    bench.rig.inject("shoulder", "reset", 0.0, 0.0, bench.now_ns)
+    bench.ticks(200)
+    with monkeypatch.context() as patch:
+        patch.setattr(gate, "clear_fault", unanswered)
+        with pytest.raises(NotNow):
+            bench.clear_plane_fault()
+    bench.ticks(200)
+    assert bench.clear_plane_fault() == ""
+    assert not plane.controller.homed and "not homed" in bench.enable_plane()
 
 
 def test_a_jump_costs_the_home_position(bench, plane):
