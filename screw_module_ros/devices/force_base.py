@@ -155,7 +155,15 @@ class ForceSensor(Life):
         self.become_new()
         self.port.restore()
         self.refuse_others()
-        self._rows = mounted(self.identify(), self.settings)
+        rows = self.identify()
+        if [len(row) for row in rows] != [AXES] * AXES or not (
+            all(map(any, rows)) and all(math.isfinite(x) for row in rows for x in row)
+        ):
+            raise NotConfigured(
+                f"the driver of the {self.label} gave {rows} as its matrix: six rows of six finite "
+                "numbers are wanted, none of zeros alone"
+            )
+        self._rows = mounted(rows, self.settings)
         self.remedy, self._frozen = Remedy.NOTHING, False
         self._lose_tare()  # nobody watched it, or it has restarted
         self.become_configured()
@@ -196,9 +204,14 @@ class ForceSensor(Life):
             self.reset()
         elif stopped:
             self.configure()
-        self.fault = ""  # before the first sample, which may latch it again
+        before, self.fault = self.fault, ""  # before the first sample, which may latch it again
         if stopped:
-            self.start()
+            try:
+                self.start()
+            except BaseException:
+                self.need(Remedy.CONFIGURE)
+                self.latch(before)
+                raise
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
 
@@ -224,8 +237,14 @@ class ForceSensor(Life):
     def take(self, status: int, values: tuple[float, ...]) -> None:
         """Deliver the answer to the newest request, or withhold it.
 
-        status: bits of `samples.FORCE_STATUS_BITS`. values: six, as `identify` has described them.
+        status: bits of `samples.FORCE_STATUS_BITS`. values: six, as `identify` has described them;
+        others are a fault of the driver: a zero made of them would spoil all samples after it.
         """
+        if len(values) != AXES or not math.isfinite(sum(values)):
+            self.lose(
+                f"the driver of the {self.label} gave {values} in place of six finite numbers"
+            )
+            return
         if status or self._last_status != 0:
             self._note_status(status)
         if self._is_frozen(values):

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
+from ..plugins import told
 from .errors import Occupied
 from .force_base import ForceSensor
 from .force_sensor_settings import ForceSensorSettings
@@ -103,10 +104,7 @@ class FrameSensor(ForceSensor):
         if part == self._last:
             try:
                 status, values = self.values(*frames)
-            except Exception as error:  # the driver may be somebody else's
-                self.lose(
-                    f"the driver of the {self.label} failed: {type(error).__name__}: {error}"
-                )
-                return
-            if values is not None:
-                self.take(status, values)
+                if values is not None:
+                    self.take(status, values)
+            except BaseException as error:  # the driver may be somebody else's
+                self.lose(f"the driver of the {self.label} failed: {told(error)}")

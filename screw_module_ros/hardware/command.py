@@ -122,8 +122,13 @@ class DeviceSet:
 
         try:
             device = make(opened, values)
-        except BusError as error:
+        except (BusError, AlreadyRunning) as error:
             self.findings.append(Finding(f"bus {bus.channel}", str(error), "open", "as it says"))
+            return
+        except SettingError:
+            raise
+        except BaseException as error:  # the driver may be somebody else's: anything may come out
+            self.findings.append(devices.failed_driver(node, error))
             return
         self.devices[name or node] = device
         line = getattr(device, "port", None)

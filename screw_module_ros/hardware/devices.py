@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from .. import plugins
 from ..can_io.load import bits_per_second
 from ..can_io.port import Port
 from ..clock import Clock
@@ -184,6 +185,8 @@ def configured(device: Any, name: str) -> list[Finding]:
         return [Finding(name, str(error), "an answer", "see the line of its bus")]
     except DeviceError as error:
         return [Finding(name, str(error), "its configuration", _likely(device))]
+    except BaseException as error:  # the driver may be somebody else's
+        return [failed_driver(name, error)]
     found = [Finding(name, device.identity)]
     if isinstance(device, CanopenDevice):
         found += [Finding(f"{name} set back", each) for each in device.set_back]
@@ -195,6 +198,12 @@ def configured(device: Any, name: str) -> list[Finding]:
         found += [Finding(f"{name} guard", warning) for warning in device.warnings
                   if not (lacking and warning.startswith("UNGUARDED"))]  # fmt: skip
     return found
+
+
+def failed_driver(name: str, error: BaseException) -> Finding:
+    """Return that a driver has raised what is no error of a device."""
+    text = f"its driver failed: {plugins.told(error)}"
+    return Finding(name, text, "an error that names what is wrong", "mend the driver")
 
 
 def _likely(device: Any) -> str:

@@ -12,6 +12,7 @@ from talk import SENSOR
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices import force_sensors
+from screw_module_ros.devices.errors import BusError, NotConfigured
 from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.force_frames import FrameSensor
 from screw_module_ros.loop.sensor import PolledSensor
@@ -89,6 +90,67 @@ def test_a_driver_that_raises_is_a_latched_fault_and_no_sample(wire, chosen):
     assert answered(wire, sensor, "05 01 02 03 04 05") is None, "until it is configured again"
     sensor.clear_fault()
     assert answered(wire, sensor, "05 01 02 03 04 06") is not None
+
+
+FLAWED = {
+    "five values": (1.0,) * 5,
+    "a value that is no number": (1.0, 2.0, None, 4.0, 5.0, 6.0),
+    "not a number": (1.0, 2.0, 3.0, 4.0, 5.0, float("nan")),
+    "infinite": (1.0, float("-inf"), 3.0, 4.0, 5.0, 6.0),
+}
+
+
+@pytest.mark.parametrize("values", FLAWED.values(), ids=FLAWED)
+def test_values_that_are_not_six_finite_numbers_are_a_latched_fault_and_no_sample(
+    wire, chosen, monkeypatch, values
+):
+    sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
+    sensor.configure()
+    sensor.start()
+    with monkeypatch.context() as patch:
+        patch.setattr(OneFrame, "values", lambda *_: (0, values))
+        assert answered(wire, sensor, "05 01 02 03 04 05") is None
+    assert sensor.fault.startswith("the driver of the force sensor ")
+    sensor.clear_fault()
+    assert answered(wire, sensor, "05 01 02 03 04 06") is not None
+
+
+@pytest.mark.parametrize("row", [(0.0,) * 6, (1.0,) * 5, (float("nan"), 1.0, 1.0, 1.0, 1.0, 1.0)])
+def test_a_matrix_that_makes_no_sense_configures_nothing(wire, chosen, monkeypatch, row):
+    sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
+    monkeypatch.setattr(OneFrame, "identify", lambda _: [*unit()[:5], row])
+    with pytest.raises(NotConfigured, match="six rows of six finite numbers"):
+        sensor.configure()
+    with pytest.raises(NotConfigured):
+        sensor.start()
+
+
+def test_a_start_that_fails_leaves_the_fault_and_the_next_clearing_tries_again(
+    wire, chosen, monkeypatch
+):
+    def fails(_):
+        raise BusError("its start was not sent")
+
+    sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
+    sensor.configure()
+    sensor.start()
+    sensor.lose("its supply dipped")
+    with monkeypatch.context() as patch:
+        patch.setattr(OneFrame, "start", fails)
+        with pytest.raises(BusError):
+            sensor.clear_fault()
+    assert sensor.fault == "its supply dipped"
+    sensor.clear_fault()
+    assert sensor.fault == "" and answered(wire, sensor, "05 01 02 03 04 06") is not None
+
+
+def test_a_driver_that_ends_the_program_does_not_end_the_loop(wire, chosen, monkeypatch):
+    sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
+    sensor.configure()
+    sensor.start()
+    monkeypatch.setattr(OneFrame, "values", lambda *_: sys.exit("not licensed"))
+    assert answered(wire, sensor, "05 01 02 03 04 05") is None
+    assert sensor.fault == "the driver of the force sensor failed: SystemExit: not licensed"
 
 
 def test_a_silence_may_be_a_restart_that_has_lost_all_settings(wire, chosen):

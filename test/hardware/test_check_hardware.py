@@ -509,14 +509,19 @@ class OffCan(ForceSensor):
         self.port.asked = 1
 
 
-def test_a_force_sensor_that_is_not_on_can_is_looked_at_on_its_own_line(tmp_path):
-    file = tmp_path / "off_can.yaml"
+def profile_of(folder, kind):
+    """Return the parameters of a robot whose force sensor has this driver."""
+    file = folder / "off_can.yaml"
     file.write_text(
         "format: screw_module_ros/device\nversion: 1\nkind: force_sensor\nmake: theirs\n"
         "tried: nowhere\nsources: []\n"
-        f"force_sensor: {{protocol: '{__name__}:OffCan'}}\n"
+        f"force_sensor: {{protocol: '{__name__}:{kind.__name__}'}}\n"
     )
-    values = {"force_sensor": {"profile": str(file)}}
+    return {"force_sensor": {"profile": str(file)}}
+
+
+def test_a_force_sensor_that_is_not_on_can_is_looked_at_on_its_own_line(tmp_path):
+    values = profile_of(tmp_path, OffCan)
     clock = ManualClock(10**12)
     found = command.check(values, ["force_sensor"], clock, 0, 0.2, lambda text: None)
     shown = {each.what: each for each in found}
@@ -525,3 +530,37 @@ def test_a_force_sensor_that_is_not_on_can_is_looked_at_on_its_own_line(tmp_path
     assert shown["force sensor noise"].verdict == OK
     assert not any("load" in what for what in shown), "it loads no bus"
     assert OffCan.lines[-1].closed
+
+
+class AtOpening(OffCan):
+    """A driver with a mistake where it opens its line."""
+
+    @classmethod
+    def opened(cls, settings, own, open_port, clock):
+        raise KeyError("address")
+
+
+class AtConfiguration(OffCan):
+    """A driver with a mistake where it looks for its device."""
+
+    def identify(self):
+        return [][0]
+
+
+class Taken(OffCan):
+    """A driver whose line a node has."""
+
+    @classmethod
+    def opened(cls, settings, own, open_port, clock):
+        raise AlreadyRunning("the node force_sensor has it: end it first")
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [(AtOpening, "its driver failed: KeyError: 'address'"), (Taken, "end it first"),
+     (AtConfiguration, "its driver failed: IndexError: list index out of range")],
+)  # fmt: skip
+def test_whatever_a_driver_of_others_raises_is_a_thing_to_do(tmp_path, kind, told):
+    values = profile_of(tmp_path, kind)
+    found = command.check(values, ["force_sensor"], ManualClock(10**12), 0, 0.2, lambda text: None)
+    assert [each.verdict for each in found if told in each.found] == [TO_DO]

@@ -2,6 +2,7 @@
 """A sensor's latched fault is on /diagnostics at once, not with the next entry of each second."""
 
 import math
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -45,6 +46,20 @@ def test_slow_values_are_read_each_five_seconds_while_the_node_is_active(
     assert calls_until(10.0) == 0
     activate(node)
     assert [calls_until(seconds) for seconds in (12.0, 15.0, 17.0, 20.0)] == [0, 1, 1, 2]
+
+
+def test_a_driver_whose_slow_values_fail_does_not_end_the_node(make_node, monkeypatch):
+    def fails():
+        raise OSError("no route to the sensor")
+
+    node = make_node("force_sensor")
+    node.device = SimpleNamespace(fault="", poll_slow=fails, counters=Counter())
+    node.health = lambda: Health(OK, "", {})
+    activate(node)
+    begin_ns = node.clock.now_ns()
+    monkeypatch.setattr(node.clock, "now_ns", lambda: begin_ns + 6_000_000_000)
+    node.periodic.run()
+    assert node.device.counters == {"slow_polls_failed": 1}
 
 
 @pytest.mark.parametrize(

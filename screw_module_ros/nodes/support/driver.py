@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState, PlanarState
 
-from screw_module_ros import graph
+from screw_module_ros import graph, plugins
 from screw_module_ros.can_io.bus import BusSettings, open_port, where, within
 from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import Clock
+from screw_module_ros.clock import Clock, TimeStandsStill
 from screw_module_ros.devices.canopen import CanopenDevice
 from screw_module_ros.devices.errors import DeviceError, NotConfigured, NotNow, Refused
 from screw_module_ros.locks import lock_device, runs
@@ -169,9 +169,19 @@ class SensorNode(DriverNode):
         return self.device.fault
 
     def _poll_slow(self) -> None:
-        """Read the device's slow values, such as alarms or voltages."""
-        if self.active:
+        """Read the device's slow values, such as alarms or voltages.
+
+        A driver may be somebody else's: the node does not end by what it raises.
+        """
+        if not self.active:
+            return
+        try:
             self.device.poll_slow()
+        except TimeStandsStill:
+            raise
+        except BaseException as error:
+            self.device.counters["slow_polls_failed"] += 1
+            self.get_logger().warning(f"slow values: {plugins.told(error)}")
 
     def sensor_health(self, shown: dict) -> Health:
         """Return rate, faults and counters; shown: further values."""
