@@ -13,14 +13,16 @@ share the folder. Where it cannot be written, each process compiles for itself.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import functools
 import hashlib
 import os
+import re
 import shutil
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,32 @@ _ROOT = Path(__file__).parent
 # A division by zero gives inf or NaN, as in arrays. Functions that are called are part of their
 # caller: passing records of twenty numbers takes a quarter of the plant's time.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "forceinline": True}
+
+
+class NotCompiled(ValueError):
+    """A function that cannot become machine code, or a record that it cannot take."""
+
+
+@contextlib.contextmanager
+def compiling(what: str, *functions: Callable) -> Iterator[None]:
+    """Say of `what` that it cannot be compiled, and in which line of the functions' files.
+
+    Around the first call of a compiled function. Raises NotCompiled in place of numba's error.
+    """
+    from numba.core.errors import NumbaError
+
+    try:
+        yield
+    except NumbaError as error:
+        words = re.sub("\x1b\\[[0-9;]*m", "", str(error))  # without colours
+        files = {Path(function.__code__.co_filename).name for function in functions}
+        wheres = re.findall(r'(\S.*)\s*\n\s*File "(?:.*/)?(.+)", line (\d+)', words)
+        found = [(why, file, line) for why, file, line in wheres if file in files]
+        place = "{1}, line {2}: {0}; ".format(*found[0]) if found else ""
+        raise NotCompiled(
+            f"{what} cannot be compiled for a simulation: {place}it has to hold to numbers, to "
+            "functions at the top of a module and to math"
+        ) from None
 
 
 @functools.cache
@@ -92,7 +120,10 @@ def _dtype(value: Any) -> Any:
         return numpy.dtype((numpy.float64, (len(value),)))
     if isinstance(value, str):
         return numpy.dtype("U16")  # whatever the word, so that another one compiles nothing anew
-    return numpy.dtype(type(value))
+    kind = numpy.dtype(type(value))
+    if kind.hasobject:
+        raise NotCompiled(f"{value!r} is no number, and no NamedTuple or dataclass of numbers")
+    return kind
 
 
 def _plain(value: Any) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import signal
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
@@ -37,6 +38,27 @@ def told(error: BaseException) -> str:
     except BaseException:
         text = "its text cannot be told"
     return one_line(f"{kind}: {text}" if text else kind)
+
+
+def where(error: BaseException) -> str:
+    """Return the line of somebody else's file that an error came from, empty if it did not.
+
+    Of what their file calls, like numpy, it is the line that calls.
+    """
+    ours = (Path(__file__).parent, Path(importlib.__file__).parent)
+    places = [
+        (Path(frame.f_code.co_filename), line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+    ]
+    theirs = [
+        (file, line) for file, line in places
+        if file.exists() and not any(file.is_relative_to(folder) for folder in ours)
+    ]  # fmt: skip
+    if not theirs:
+        return ""
+    first = theirs[0][0]
+    last = [line for file, line in theirs if file == first][-1]
+    return f" ({first.name}, line {last})"
 
 
 @contextmanager

@@ -158,3 +158,8 @@ def test_old_generations_are_removed(start, tmp_path):
     assert len(kept) == module.KEPT_FOLDERS
     assert "0" not in kept
     assert "1" in kept
+
+
+def test_a_record_that_holds_no_numbers_is_refused_in_a_sentence():
+    with pytest.raises(module.NotCompiled, match="<object .*> is no number, and no NamedTuple"):
+        packed(Inner((1.0,), object()))

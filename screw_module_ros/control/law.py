@@ -221,3 +221,8 @@ class Law:
     heeds: bool = False
     judged: str = ""
     margins: tuple[Margin, ...] = ()
+
+    @property
+    def functions(self) -> tuple[Callable[..., Any], ...]:
+        """Those that a tick calls."""
+        return self.foresee, self.ask, self.help, self.rest

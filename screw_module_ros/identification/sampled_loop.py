@@ -22,7 +22,7 @@ import numpy as np
 from scipy.signal import cont2discrete
 
 from ..calibration.module import thesis_friction
-from ..compiled import compiled, packed
+from ..compiled import compiled, compiling, packed
 from ..control.envelope import enveloped, initial_state
 from ..control.law import Law
 from ..control.laws import own_of, settings_of
@@ -128,11 +128,12 @@ def linear_law(looped: LawInMode, period: float) -> Linear:
     memory = packed(initial_state(settings, looped.law, own))
     motion = np.array(velocity_settled(_AT))
     places = floats_in(memory.dtype)
-    answers = compiled(answers_of(looped.law))(
-        packed(settings), packed(own), looped.mode, target, period,
-        lowpass_coefficients(looped.velocity_cutoff, period), memory, memory.view(np.float64),
-        places, motion, np.array((_AT, -pressed)), round(_SETTLE_S / period),
-    )  # fmt: skip
+    with compiling(f"law {looped.law.name}", *looped.law.functions):
+        answers = compiled(answers_of(looped.law))(
+            packed(settings), packed(own), looped.mode, target, period,
+            lowpass_coefficients(looped.velocity_cutoff, period), memory, memory.view(np.float64),
+            places, motion, np.array((_AT, -pressed)), round(_SETTLE_S / period),
+        )  # fmt: skip
     a, b, c, d = linear_of(answers, len(places) + len(motion))
     return a, b, c[0], d[0]
 

@@ -19,7 +19,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ..calibration.module import thesis_friction
-from ..compiled import compiled, packed
+from ..compiled import compiled, compiling, packed
 from ..control import modes
 from ..control.envelope import initial_state
 from ..control.law import Law
@@ -305,9 +305,10 @@ class SimulatedStand:
     ) -> tuple[np.ndarray, LoopState]:
         rows = np.empty((round(seconds / params.period), COLUMNS))
         ready, run = packed(params), compiled(ticks_of(law))
-        for begin in range(0, len(rows), _CHUNK):
-            on_progress(begin / len(rows))
-            state = run(ready, state, rows[begin : begin + _CHUNK])
+        with compiling(f"law {law.name}", *law.functions):
+            for begin in range(0, len(rows), _CHUNK):
+                on_progress(begin / len(rows))
+                state = run(ready, state, rows[begin : begin + _CHUNK])
         return rows, state
 
 

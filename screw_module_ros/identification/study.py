@@ -36,6 +36,7 @@ import click
 import numpy as np
 from rich.progress import Progress
 
+from ..compiled import NotCompiled
 from ..control import modes
 from ..control.laws import LAWS, law_of, loaded, variants
 from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
@@ -335,7 +336,8 @@ Outcomes = dict[str, dict[str, dict[int, list[float]]]]
 )
 @click.option(
     "--law", "laws", multiple=True, metavar="LAW",
-    help="A law of another package too: package.module:NAME, or its entry point.",
+    help="A law of another package too, at its default settings: package.module:NAME, or "
+         "its entry point (repeat for more).",
 )
 @click.option("--plane", is_flag=True, help="The plane in place of the vertical modes.")
 @click.option(
@@ -371,9 +373,12 @@ def study(
     with executor(workers, scheduler) as pool, Progress(console=console.rich) as bars:
         bar = bars.add_task("trials", total=len(wanted))
         values = {}
-        for each, figures_of in done_by(pool, subject.measured, {each: each for each in wanted}):
-            values[each] = figures_of
-            bars.advance(bar)
+        try:
+            for each, found_of in done_by(pool, subject.measured, {each: each for each in wanted}):
+                values[each] = found_of
+                bars.advance(bar)
+        except NotCompiled as error:
+            raise click.ClickException(str(error)) from None
     figures = {name: subject.figures[name] for name in names}
     found: dict[str, Outcomes] = {
         family: {

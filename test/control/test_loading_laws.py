@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import metadata
 from typing import Annotated, NamedTuple
@@ -18,6 +18,8 @@ from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control import laws
 from screw_module_ros.control.envelope import enveloped, initial_state
 from screw_module_ros.control.law import Law, Variant, pulls
+from screw_module_ros.control.laws import plane
+from screw_module_ros.control.plane_law import PlaneLaw
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.settings import Setting, SettingError
@@ -44,7 +46,15 @@ MINE = Law("mine", {100: Variant("MINE", ("gain",))}, Own)
 OTHER = Law("mine", {100: Variant("OTHER")}, Own)
 SAME_TITLE = Law("another", {101: Variant("MINE")}, Own)
 SAME_MODE = Law("another", {100: Variant("ANOTHER")}, Own)
+PLANE = PlaneLaw("flat", Own)
 NO_LAW = 3.0
+
+
+@dataclass
+class Seen:
+    """Memory of a law."""
+
+    seen: float = 0.0
 
 
 def path(name: str) -> str:
@@ -219,3 +229,76 @@ def test_a_law_without_functions_is_the_robot_s_spring():
         output = step(settings, own, memory, inp, 1e-3)
     assert output.force == pytest.approx(200.0 * 0.03 + settings.gravity)
     assert math.isclose(output.impedance, 6.0, rel_tol=1e-6)
+
+
+def misspells(own, m, sample, motion):
+    """Ask for what no field of the motion is."""
+    return pulls(motion.position)
+
+
+def fails(own, *told):
+    """Make nothing."""
+    raise ArithmeticError("no such number")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"ask": misspells}, r"its ask fails: AttributeError: .*'position' \(test_loading_laws.py"),
+        ({"ask": lambda own, m, sample: pulls(0.0)}, "its ask fails: TypeError: .* arguments"),
+        ({"ask": lambda own, m, sample, motion: 3.0},
+         r"its ask answers 3.0: return pulls\(force\)"),
+        ({"help": lambda own, m, sample, motion, pressed: pressed},
+         r"its help answers 0.0: return feeds\(force, pressed\)"),
+        ({"foresee": lambda own, m, sample: None}, "its foresee answers None: a number of N"),
+        ({"rest": fails}, "its rest fails: ArithmeticError: no such number"),
+        ({"memory": fails}, "its memory fails: ArithmeticError: no such number"),
+        ({"own": fails}, "its own fails: ArithmeticError: no such number"),
+        ({"memory": lambda own: Seen(), "shown": ("depth",)},
+         "it shows depth, which its memory has not"),
+    ],
+)  # fmt: skip
+def test_a_function_that_fails_when_it_is_called_once_is_told_at_the_start(
+    monkeypatch, change, said
+):
+    monkeypatch.setitem(globals(), "CALLED", replace(MINE, **change))
+    with pytest.raises(SettingError, match=said):
+        laws.load(path("CALLED"))
+
+
+def test_each_mode_is_called_and_leaves_no_memory_to_the_next(monkeypatch):
+    """Of two modes, at the default settings, from a memory of its own."""
+    seen = []
+
+    def ask(own, m, sample, motion):
+        seen.append((sample.mode, own.gain, m.seen))
+        m.seen = 1.0
+        return pulls(0.0)
+
+    both = {mode: Variant(f"CALLED_{mode}", ("gain",)) for mode in (100, 101)}
+    law = replace(MINE, variants=both, memory=lambda own: Seen(), ask=ask, shown=("seen",))
+    monkeypatch.setitem(globals(), "CALLED", law)
+    assert laws.load(path("CALLED")) is law
+    assert seen == [(100, 1.0, 0.0), (101, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"needs": lambda own, m, sample, stiffness: (1.0, 1.0)}, "its needs answers .* Needs"),
+        ({"ask": misspells}, r"its ask fails: AttributeError: .* \(test_loading_laws.py, line"),
+        ({"ask": lambda own, m, sample, motion: 3.0}, "its ask answers 3.0: two numbers of N"),
+        ({"help": lambda own, m, sample, motion, pressed: pressed}, "its help fails: TypeError"),
+        ({"help": lambda *told: (0.0, None)}, r"its help answers \(0.0, None\): two numbers"),
+        ({"rest": fails}, "its rest fails: ArithmeticError: no such number"),
+        ({"shown": ("depth",)}, "it shows depth, which its memory has not"),
+    ],
+)
+def test_functions_of_a_law_of_the_plane_are_called_once_too(monkeypatch, change, said):
+    monkeypatch.setitem(globals(), "CALLED", replace(PLANE, **change))
+    with pytest.raises(SettingError, match=said):
+        plane.load(path("CALLED"))
+
+
+def test_a_law_of_the_plane_whose_functions_answer_is_taken():
+    assert plane.load(path("PLANE")) is PLANE

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import csv
+import inspect
 import json
 import math
 
+import laws_of_others
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -124,6 +126,21 @@ def test_a_law_of_another_package_stands_beside_the_shipped_ones(tmp_path):
 def test_what_cannot_be_studied_is_told_in_a_sentence(tmp_path, words, said):
     run = CliRunner().invoke(study.study, ["--folder", str(tmp_path), *words])
     assert run.exit_code == 2 and said in run.output
+
+
+@pytest.mark.usefixtures("in_a_thread")
+def test_a_law_that_cannot_be_compiled_is_told_with_its_line(tmp_path):
+    words = ["--law", "laws_of_others:THE_LOOKED_UP", "--mode", "160", "--case", "small"]
+    run = CliRunner().invoke(study.study, ["--folder", str(tmp_path), "--rigs", "1", *words])
+    line = next(
+        number for number, text in enumerate(inspect.getsource(laws_of_others).splitlines(), 1)
+        if "TABLE[0]" in text
+    )  # fmt: skip
+    told = " ".join(run.output.split())
+    assert run.exit_code == 1
+    assert "law looked_up cannot be compiled for a simulation: " in told
+    assert f"laws_of_others.py, line {line}: Untyped global name 'TABLE'" in told
+    assert "functions at the top of a module" in told and "Traceback" not in told
 
 
 @pytest.mark.long

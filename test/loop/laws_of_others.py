@@ -95,6 +95,18 @@ THE_ODD = Law(
 )  # fmt: skip
 
 
+TABLE = {0: 0.5}
+"""Gains, as nobody should keep them who wants his law compiled."""
+
+
+def looked_up(own, m, sample: Sample, motion: Motion):
+    """Ask for a force from a table: plain Python alone can."""
+    return pulls(TABLE[0] * own.pull)
+
+
+THE_LOOKED_UP = Law("looked_up", {160: Variant("LOOKED_UP", ("gain",))}, OddSettings, ask=looked_up)
+
+
 class FloorSettings(NamedTuple):
     """A virtual floor."""
 

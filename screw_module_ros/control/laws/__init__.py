@@ -16,6 +16,7 @@ from ..friction import FrictionModel
 from ..law import LINEAR, Law, Margin, Robot, Variant
 from ..modes import EXCITATION, OFF
 from ..vertical_settings import ESTIMATING, VerticalSettings
+from .rehearsal import flaw_of_calls
 from .thesis import THESIS
 
 LAWS: tuple[Law, ...] = (THESIS,)
@@ -96,12 +97,13 @@ def own_of(law: Law, p: VerticalSettings, friction: FrictionModel, chosen: Any =
 def load(path: str) -> Law:
     """Return the law `package.module:NAME`, or of an entry point of that name.
 
-    Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`.
+    Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`
+    and `flaw_of_calls`, which calls its functions.
     """
     law = plugins.load(path, GROUP, "law")
     if not isinstance(law, Law):
         raise SettingError(f"law {path}: it is no screw_module_ros.control.law.Law")
-    if wrong := flaw(law):
+    if wrong := flaw(law) or flaw_of_calls(law):
         raise SettingError(f"law {path}: {wrong}")
     return law
 

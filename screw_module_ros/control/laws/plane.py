@@ -13,6 +13,7 @@ from ..planar_settings import PlanarSettings
 from ..plane_law import PlaneLaw
 from . import GROUP, MOST_SHOWN
 from .plane_impedance import PLANE_IMPEDANCE
+from .plane_rehearsal import flaw_of_plane_calls
 
 PLANE_LAWS: tuple[PlaneLaw, ...] = (PLANE_IMPEDANCE,)
 
@@ -20,7 +21,8 @@ PLANE_LAWS: tuple[PlaneLaw, ...] = (PLANE_IMPEDANCE,)
 def load(path: str) -> PlaneLaw:
     """Return the law of a name here, `package.module:NAME`, or of an entry point of that name.
 
-    Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`.
+    Raises SettingError when there is none, or when it is not one that others may bring: see `flaw`
+    and `flaw_of_plane_calls`, which calls its functions.
     """
     for known in PLANE_LAWS:
         if path == known.name:
@@ -34,7 +36,7 @@ def load(path: str) -> PlaneLaw:
         raise SettingError(
             f"law {path}: it is no screw_module_ros.control.plane_law.PlaneLaw"
         )
-    if wrong := flaw(law):
+    if wrong := flaw(law) or flaw_of_plane_calls(law):
         raise SettingError(f"law {path}: {wrong}")
     return law
 
