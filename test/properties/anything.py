@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple, is_dataclass
+from typing import Any
 
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from screw_module_ros.settings import fields
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000
+ROUNDING = 1e-9
 
 SPECIAL = (0.0, -0.0, 1e-300, -1.0, 1.0, 1e9, -1e9, 1e308, -1e308, math.inf, -math.inf, math.nan)
 absurd = st.one_of(st.sampled_from(SPECIAL), st.floats(allow_nan=True, allow_infinity=True))
@@ -46,3 +49,12 @@ def fixed(examples: int, steps: int = 50):
         deadline=None,
         suppress_health_check=list(HealthCheck),
     )
+
+
+def all_finite(numbers: Any) -> bool:
+    """Return whether no number in nested tuples, lists and records is NaN or infinite."""
+    if is_dataclass(numbers):
+        numbers = astuple(numbers)
+    if isinstance(numbers, (tuple, list)):
+        return all(map(all_finite, numbers))
+    return not isinstance(numbers, float) or math.isfinite(numbers)

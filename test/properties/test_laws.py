@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, is_dataclass
 
 import pytest
-from anything import absurd, fixed, live_changes, near
+from anything import ROUNDING, absurd, all_finite, fixed, live_changes, near
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
@@ -27,19 +26,9 @@ from screw_module_ros.safety.checks import WatchSettings
 from screw_module_ros.settings import fields, validated
 
 MODEL = thesis_friction()
-ROUNDING = 1e-9
 vertical_step = enveloped(THESIS)
 planar_step = plane_envelope.enveloped(PLANE_IMPEDANCE)
 periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.1))
-
-
-def all_finite(numbers) -> bool:
-    """Return whether no number in nested tuples, lists and records is NaN or infinite."""
-    if is_dataclass(numbers):
-        numbers = astuple(numbers)
-    if isinstance(numbers, (tuple, list)):
-        return all(map(all_finite, numbers))
-    return not isinstance(numbers, float) or math.isfinite(numbers)
 
 
 class VerticalLaw(RuleBasedStateMachine):
