@@ -241,6 +241,11 @@ def fails(own, *told):
     raise ArithmeticError("no such number")
 
 
+def exits(own, *told):
+    """End the process."""
+    sys.exit(3)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -254,6 +259,8 @@ def fails(own, *told):
         ({"rest": fails}, "its rest fails: ArithmeticError: no such number"),
         ({"memory": fails}, "its memory fails: ArithmeticError: no such number"),
         ({"own": fails}, "its own fails: ArithmeticError: no such number"),
+        ({"ask": exits}, "its ask fails: SystemExit: 3"),
+        ({"foresee": lambda own, m, sample: 10**400}, "OverflowError: int too large"),
         ({"memory": lambda own: Seen(), "shown": ("depth",)},
          "it shows depth, which its memory has not"),
     ],
@@ -289,6 +296,8 @@ def test_each_mode_is_called_and_leaves_no_memory_to_the_next(monkeypatch):
         ({"ask": misspells}, r"its ask fails: AttributeError: .* \(test_loading_laws.py, line"),
         ({"ask": lambda own, m, sample, motion: 3.0}, "its ask answers 3.0: two numbers of N"),
         ({"help": lambda own, m, sample, motion, pressed: pressed}, "its help fails: TypeError"),
+        ({"help": exits}, "its help fails: SystemExit: 3"),
+        ({"ask": lambda *told: (0.0, 10**400)}, "OverflowError: int too large"),
         ({"help": lambda *told: (0.0, None)}, r"its help answers \(0.0, None\): two numbers"),
         ({"rest": fails}, "its rest fails: ArithmeticError: no such number"),
         ({"shown": ("depth",)}, "it shows depth, which its memory has not"),

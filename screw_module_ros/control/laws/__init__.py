@@ -103,7 +103,7 @@ def load(path: str) -> Law:
     law = plugins.load(path, GROUP, "law")
     if not isinstance(law, Law):
         raise SettingError(f"law {path}: it is no screw_module_ros.control.law.Law")
-    if wrong := flaw(law) or flaw_of_calls(law):
+    if wrong := plugin_flaws.first_flaw(law, flaw, flaw_of_calls):
         raise SettingError(f"law {path}: {wrong}")
     return law
 

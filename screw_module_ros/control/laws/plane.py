@@ -36,7 +36,7 @@ def load(path: str) -> PlaneLaw:
         raise SettingError(
             f"law {path}: it is no screw_module_ros.control.plane_law.PlaneLaw"
         )
-    if wrong := flaw(law) or flaw_of_plane_calls(law):
+    if wrong := plugin_flaws.first_flaw(law, flaw, flaw_of_plane_calls):
         raise SettingError(f"law {path}: {wrong}")
     return law
 
