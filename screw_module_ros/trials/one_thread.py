@@ -460,11 +460,6 @@ class OneThreadRobot:
             self.plane.drives.permit.reason,
         )
 
-    @property
-    def torque_passes(self) -> bool:
-        """Whether the gate is open."""
-        return self.axis.permit.enabled
-
     def close(self) -> None:
         """Close all buses."""
         self.rig.close()

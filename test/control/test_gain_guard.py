@@ -20,7 +20,6 @@ from screw_module_ros.control.gain_guard import (
     guarded,
     tune_guard,
 )
-from screw_module_ros.control.laws import gains_of
 from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.vertical import VerticalInput
 
@@ -256,7 +255,7 @@ def test_a_set_point_that_moves_the_hand_takes_no_gain_away(mode):
     assert height - AT > 0.02
 
 
-@pytest.mark.parametrize("mode", list(filter(gains_of, THESIS.variants)))
+@pytest.mark.parametrize("mode", [mode for mode, each in THESIS.variants.items() if each.gains])
 @pytest.mark.parametrize(("hand", "left"), [(30.0, 0.0), (8.0, VERTICAL.standing_force - 8.0)])
 def test_a_nut_that_stands_against_more_than_friction_is_pressed_by_nothing_else(mode, hand, left):
     """An obstacle that the transducer does not feel met up to 113 N."""

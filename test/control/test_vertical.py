@@ -9,7 +9,7 @@ from law_runs import DT, MODEL, initial_state, vertical_outputs, vertical_step
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.control.laws import gains_of
+from screw_module_ros.control.laws import variants
 from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -56,7 +56,7 @@ def test_what_feeds_the_force_back_is_known_to_need_a_force_sample(mode):
     """The gates of force sample and gain limits ask for its gains: a mode must not pass by them."""
     at_rest = REST._replace(mode=mode, position=0.18)
     pushed, pulled = (run(at_rest._replace(force=force))[0].force for force in (3.0, -3.0))
-    assert (pushed != pulled) == bool(gains_of(mode))
+    assert (pushed != pulled) == bool(mode != modes.OFF and variants()[mode].gains)
 
 
 def test_gravity_set_anew_comes_at_its_rate_and_ends_exactly():

@@ -80,7 +80,7 @@ def test_mode_switches_in_motion_make_no_jump(enabled):
         enabled.controller.mode = mode
         enabled.seconds(0.06)
     assert largest_step(enabled.rows[begin:]) <= FORCE_STEP
-    assert enabled.torque_passes
+    assert enabled.axis.permit.enabled
 
 
 def test_enabling_does_not_pull(bench):
@@ -112,7 +112,7 @@ def test_a_fault_takes_the_torque_away_for_good(enabled, device, fault, value):
     """Whatever breaks: zero torque at the motor soon, a reason, and no recovery by itself."""
     enabled.setpoint = (0.30, 0.0)
     enabled.seconds(0.2)
-    assert enabled.torque_passes and abs(enabled.world.vertical_torque) > 0.01
+    assert enabled.axis.permit.enabled and abs(enabled.world.vertical_torque) > 0.01
     enabled.rig.inject(device, fault, value, 0.0, enabled.now_ns)
     enabled.seconds(0.2)
     assert enabled.world.vertical_torque == pytest.approx(0.0, abs=1e-3)
@@ -174,10 +174,10 @@ def test_no_permission_no_torque(enabled):
     """The supervisor's word ends the torque at once; its return does not bring it back."""
     enabled.permitted = False
     enabled.ticks(2)
-    assert not enabled.torque_passes and enabled.rows[-1].torque == 0.0
+    assert not enabled.axis.permit.enabled and enabled.rows[-1].torque == 0.0
     enabled.permitted = True
     enabled.seconds(0.3)
-    assert not enabled.torque_passes
+    assert not enabled.axis.permit.enabled
     assert enabled.enable() == ""
 
 
@@ -185,7 +185,7 @@ def test_silent_controller(enabled):
     """Five periods without a command close the gate; it stays latched until cleared."""
     enabled.commanding = False
     rows = enabled.ticks(12)
-    assert rows[-1].torque == 0.0 and not enabled.torque_passes
+    assert rows[-1].torque == 0.0 and not enabled.axis.permit.enabled
     enabled.commanding = True
     enabled.ticks(20)
     assert enabled.enable() == "no fresh command is latched: call ~/clear_fault first"

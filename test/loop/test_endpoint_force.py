@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.control import modes
-from screw_module_ros.control.laws import gains_of, variants
+from screw_module_ros.control.laws import variants
 from screw_module_ros.plant.world import ArmSettings
 
 pytestmark = pytest.mark.long
@@ -16,7 +16,9 @@ NOISE = 0.5  # [N] of the sensor
 RAIL = 0.3  # [N] friction of the handle's guide: between sensor and hand, where no sensor sees it
 BLOW = 6.0  # [N] for less than 0.4 s: the mass that arrives at the far side of the nut's play
 
-FRICTION = {mode: 3.0 if gains_of(mode) else 16.0 for mode in variants()} | {modes.OBSERVER: 1.0}
+FRICTION = {
+    mode: 3.0 if variant.gains else 16.0 for mode, variant in variants().items()
+} | {modes.OBSERVER: 1.0}
 """What the screw's friction takes of the force, by mode [N]: feedback of gain 5 leaves a sixth,
 OBSERVER, which needs nothing known of the screw, comes nearest."""
 

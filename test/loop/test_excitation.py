@@ -47,7 +47,7 @@ def enable(bench):
     assert bench.axis.ready() > 0.35, "the wide limits of this mode"
     assert bench.enable() == ""
     asked(bench, Excitation(), 0.6)
-    assert bench.torque_passes
+    assert bench.axis.permit.enabled
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_the_sine_reaches_the_drive_and_ends(running):
     most = max(asked(running, sine, 0.4))
     assert most == pytest.approx(0.4, abs=2e-3), "not limited, not linearized"
     assert max(asked(running, sine, 0.4)[150:]) == 0.0
-    assert running.torque_passes and not running.controller.faulted
+    assert running.axis.permit.enabled and not running.controller.faulted
 
 
 def test_a_sender_that_falls_silent_ends_the_torque(playing):
@@ -95,7 +95,7 @@ def test_no_lease_begins_while_torque_passes(enabled):
     asked(enabled, SINE, 0.3)
     assert not enabled.controller.lease.held
     enabled.seconds(0.6)
-    assert enabled.torque_passes and not enabled.controller.faulted
+    assert enabled.axis.permit.enabled and not enabled.controller.faulted
 
 
 def test_a_rotor_that_turns_ends_it(leased):
@@ -110,7 +110,7 @@ def test_a_rotor_that_turns_ends_it(leased):
 @pytest.mark.parametrize("mode", [OFF, IMPEDANCE])
 def test_another_mode_on_its_gate_is_zero_and_latched(playing, mode):
     playing.controller.mode = mode
-    assert max(asked(playing, SINE, 0.2)) == 0.0 and not playing.torque_passes
+    assert max(asked(playing, SINE, 0.2)) == 0.0 and not playing.axis.permit.enabled
     assert "force command: mode" in playing.axis.permit.reason and playing.axis.permit.latched
     playing.axis.ready()
     assert "force command: mode" in playing.enable()
@@ -118,7 +118,7 @@ def test_another_mode_on_its_gate_is_zero_and_latched(playing, mode):
 
 def test_the_mode_on_a_gate_of_the_laws_is_zero_and_latched(enabled):
     enabled.controller.mode = EXCITATION
-    assert max(torques(enabled.seconds(0.2))) == 0.0 and not enabled.torque_passes
+    assert max(torques(enabled.seconds(0.2))) == 0.0 and not enabled.axis.permit.enabled
     assert "mode EXCITATION, the torque was enabled for the laws" in enabled.axis.permit.reason
 
 
@@ -146,7 +146,7 @@ def test_wide_limits_end_with_their_enable(left):
 def test_an_opening_that_nobody_has_prepared_fits_no_laws_command(left):
     left.enable()
     left.seconds(0.1)
-    assert not left.torque_passes
+    assert not left.axis.permit.enabled
     assert "the torque was enabled for mode EXCITATION" in left.axis.permit.reason
 
 

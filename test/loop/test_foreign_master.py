@@ -98,7 +98,7 @@ def test_random_commands_stop_an_enabled_drive_below_its_own_limit(robot, intrud
     seen = torques(robot, anything, 150)
     assert max(seen) <= LIMIT + QUIET
     assert max(seen[10:]) < QUIET
-    assert not robot.torque_passes and robot.drive.fault
+    assert not robot.axis.permit.enabled and robot.drive.fault
 
 
 def test_the_rig_s_drive_obeys_its_limit(robot, intruder):
@@ -130,7 +130,7 @@ def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
         intruder.write(0x6071, 1000)
 
     seen = torques(robot, unguard, 1) + torques(robot, lambda: None, 100)
-    assert max(seen[5:]) < QUIET and not robot.torque_passes
+    assert max(seen[5:]) < QUIET and not robot.axis.permit.enabled
     assert "another SDO client" in robot.drive.fault
     assert robot.clear_fault() == ""
     robot.ticks(10)

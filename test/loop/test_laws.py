@@ -56,7 +56,7 @@ def running(robot):
     """The same with the odd law, which has all of its weight and asks for nothing."""
     robot.controller.mode = ODD
     robot.seconds(1.2)
-    assert robot.controller.laws.law is THE_ODD and robot.torque_passes
+    assert robot.controller.laws.law is THE_ODD and robot.axis.permit.enabled
     return robot
 
 
@@ -241,7 +241,7 @@ def test_laws_take_over_from_each_other_in_motion_without_a_jump(robot):
         laws.add(robot.controller.laws.law.name)
     assert laws == {"odd", "thesis", "floor"}
     assert largest_step(robot.rows[begin:]) <= STEP
-    assert not robot.controller.reason and robot.torque_passes
+    assert not robot.controller.reason and robot.axis.permit.enabled
 
 
 def test_the_weight_stays_carried_while_laws_change(robot):

@@ -12,7 +12,7 @@ from laws_of_others import ODD, THE_ODD
 
 from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
-from screw_module_ros.control.laws import LAWS, gains_of, names, variants
+from screw_module_ros.control.laws import LAWS, names, variants
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
@@ -48,7 +48,7 @@ def run(controller: VerticalController, ticks: range, force: float | None = None
         assert controller.on_encoder(position(tick), tick * MS)
 
 
-@pytest.mark.parametrize("mode", list(filter(gains_of, variants())))
+@pytest.mark.parametrize("mode", [mode for mode, variant in variants().items() if variant.gains])
 def test_no_force_is_fed_back_that_nobody_measures(mode):
     controller = controller_in(mode)
     run(controller, range(1, 3000))

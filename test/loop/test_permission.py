@@ -31,7 +31,7 @@ def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
     permit.fault.set("20 deadlines missed in a row")
     enabled.requests.put(lambda: permit.clear(permit.fault.reason))
     enabled.ticks(5)
-    assert not enabled.torque_passes
+    assert not enabled.axis.permit.enabled
     assert permit.faulted and permit.reason == "20 deadlines missed in a row"
     assert enabled.clear_fault() == ""
     assert not permit.faulted
@@ -52,17 +52,17 @@ def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
 
 def test_torque_ends_with_the_controller_that_it_was_enabled_for(enabled):
     """A node that is deactivated and activated within five periods never falls silent."""
-    assert enabled.torque_passes
+    assert enabled.axis.permit.enabled
     enabled.controller.activation += 1
     enabled.ticks(2)
-    assert not enabled.torque_passes
+    assert not enabled.axis.permit.enabled
     assert "activated anew while the torque was on" in enabled.axis.permit.reason
     enabled.ticks(600)
-    assert not enabled.torque_passes and enabled.axis.permit.latched
+    assert not enabled.axis.permit.enabled and enabled.axis.permit.latched
     assert enabled.clear_fault() == ""
     assert enabled.enable() == ""
     enabled.ticks(100)
-    assert enabled.torque_passes
+    assert enabled.axis.permit.enabled
 
 
 def test_a_controller_may_be_activated_anew_while_no_torque_passes(enabled):
@@ -101,7 +101,7 @@ def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(
         with pytest.raises(TimeStandsStill):
             gate.enable(permit, bench.requests)
     bench.ticks(200)
-    assert not bench.torque_passes and permit.phase == CLOSED
+    assert not bench.axis.permit.enabled and permit.phase == CLOSED
     assert bench.enable() == ""
 
 
@@ -135,7 +135,7 @@ def test_disabled_and_enabled_again_at_once_is_no_fault(enabled):
         assert enabled.disable() == ""
         assert enabled.enable() == ""
         enabled.ticks(5)
-        assert enabled.torque_passes and not enabled.axis.permit.faulted
+        assert enabled.axis.permit.enabled and not enabled.axis.permit.faulted
 
 
 @pytest.mark.parametrize("option", [0, 1])

@@ -98,11 +98,11 @@ def test_a_drive_from_configure_to_recovery(robot, name):
     assert bench.rig.inject("drive", "fault", 0x7300, 0.05, bench.now_ns)
     bench.seconds(0.3)
     assert "7300" in bench.axis.permit.reason
-    assert not bench.torque_passes
+    assert not bench.axis.permit.enabled
     assert bench.clear_fault() == ""
     assert bench.enable() == ""
     bench.seconds(0.2)
-    assert bench.torque_passes
+    assert bench.axis.permit.enabled
 
 
 @pytest.mark.parametrize("name", [each for each in DRIVES if each != "ingenia"])
@@ -167,7 +167,7 @@ def test_words_alone_enable_no_drive(unready):
     bench.ready()
     assert "master_heartbeat" in missing(bench)
     assert "allow_no_heartbeat" in bench.enable()
-    assert not bench.torque_passes
+    assert not bench.axis.permit.enabled
 
 
 @pytest.mark.parametrize(
@@ -402,7 +402,7 @@ def test_a_drive_that_shows_its_mode_late_gives_no_torque_before(ready, like, st
     before = len(bench.rows)
     assert bench.enable() == ""
     bench.seconds(0.5)
-    assert bench.drive.mode_confirmed and bench.torque_passes
+    assert bench.drive.mode_confirmed and bench.axis.permit.enabled
     assert max(abs(row.torque) for row in bench.rows[before:]) > 0.01
     assert motor.machine.driving
 

@@ -126,7 +126,7 @@ def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
     enabled.rig.inject("encoder", "drop", 1.0, lost * PERIOD_NS * 1e-9, enabled.now_ns)
     reasons = {row.reason for row in enabled.ticks(50)} - {""}
     assert reasons == ({"no fresh command"} if lost == 3 else set())
-    assert enabled.torque_passes == (lost < 3)
+    assert enabled.axis.permit.enabled == (lost < 3)
     assert enabled.encoder.counters["missing"] == lost + 2
     assert enabled.controller.faulted == (lost == 3)
     if lost == 3:  # the way back of docs/hazards.md: no homing
@@ -135,7 +135,7 @@ def test_three_lost_answers_in_a_row_stop_the_robot(enabled, lost):
         enabled.controller.reset(enabled.now_ns)
         enabled.ticks(10)
         assert not enabled.controller.faulted and enabled.enable() == ""
-        assert enabled.torque_passes
+        assert enabled.axis.permit.enabled
 
 
 @pytest.mark.parametrize("comes", [True, False])

@@ -39,7 +39,7 @@ def test_a_second_drive_with_our_id_stops_both_while_enabled(robot):
     robot.ticks(STEADY)
     assert "more than one device answers as the drive (node id 1)" in robot.drive.fault
     assert "two statuswords per SYNC" in robot.drive.fault
-    assert not (twin.axis.driving or robot.torque_passes)
+    assert not (twin.axis.driving or robot.axis.permit.enabled)
     assert not robot.rig.devices["drive"].machine.driving
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.control.laws import all_names, gains_of, variants
+from screw_module_ros.control.laws import all_names, variants
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
@@ -20,7 +20,7 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 MODEL = thesis_friction()
 ROUNDING = 1e-9
 SPRINGS = list(variants())
-FEEDBACKS = list(filter(gains_of, variants()))
+FEEDBACKS = [mode for mode, variant in variants().items() if variant.gains]
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
 offs = st.sampled_from((0, 0, 0, 1, -1, 2))  # of a sample's number, from that of its tick
 setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))

@@ -48,12 +48,6 @@ def law_of(mode: int, laws: Iterable[Law] = LAWS) -> Law | None:
     return next((law for law in laws if mode in law.variants), None)
 
 
-def gains_of(mode: int, laws: Iterable[Law] = LAWS) -> tuple[str, ...]:
-    """Return the settings with which a mode feeds the handle's force back."""
-    variant = variants(laws).get(mode)
-    return variant.gains if variant else ()
-
-
 def modes_of_gains(law: Law) -> dict[str, int]:
     """Return the gains of a law, each with the first mode that has it."""
     found: dict[str, int] = {}
