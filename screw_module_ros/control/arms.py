@@ -17,7 +17,7 @@ from typing import Any
 
 from .. import plugin_flaws, plugins
 from ..geometry import MANUS_NAME, PlanarArm, forward, inverse, jacobian
-from ..settings import SettingError
+from ..settings import SettingError, fields
 
 GROUP = "screw_module_ros.arms"
 """Entry points that name arms of other packages."""
@@ -106,6 +106,8 @@ def _flaw(arm: Arm) -> str:
     wrong = plugin_flaws.prefix_flaw(arm.name) or plugin_flaws.functions_flaw(arm, FUNCTIONS)
     if wrong := wrong or plugin_flaws.settings_flaw(arm.settings):
         return wrong
+    if live := [name for name, field in fields(arm.settings).items() if field.setting.live]:
+        return f"its setting {live[0]} is live: an arm does not change while torque acts on it"
     if unknown := sorted({*arm.limits} - {*LIMITS}):
         return f"its limit {unknown[0]} is none of {', '.join(LIMITS)}"
     if no := [name for name, limit in arm.limits.items() if not isinstance(limit, (int, float))]:
@@ -118,24 +120,31 @@ def kinematics_flaw(arm: Arm, own: Any, half_width: float, half_depth: float) ->
 
     own: its settings; half_width, half_depth: of the workspace [m]. Looks in its centre, at its
     edges and corners, as far as the arm reaches there; a wrong Jacobian would turn the force on the
-    hand into another direction.
+    hand into another direction, and where the arm counts as stretched its stops press more.
     """
-    seen = 0
+    seen, largest = 0, 0.0
     try:
         for x, y in product((-half_width, 0.0, half_width), (-half_depth, 0.0, half_depth)):
             if not reaches(arm, x, y, own):
                 continue
             seen += 1
             angles = arm.inverse(x, y, own)
-            if not _same(arm.jacobian(*angles, own), _jacobian(arm, angles, own)):
+            x_s, x_e, y_s, y_e = arm.jacobian(*angles, own)
+            largest = max(largest, abs(x_s * y_e - x_e * y_s))
+            if not _same((x_s, x_e, y_s, y_e), _jacobian(arm, angles, own)):
                 return f"at x, y = {x:g}, {y:g} m its jacobian is not how its forward changes"
             if not _same(arm.between(*angles, own)[1:], _turning(arm, angles, own)):
                 return (
                     f"at x, y = {x:g}, {y:g} m the changes that its between tells are not how its "
                     "angle changes"
                 )
-        if not 0.0 <= arm.singular(own) <= NUMBER:
-            return f"its singular is {arm.singular(own)!r}, no size"
+        if not 0.0 <= (size := arm.singular(own)) <= NUMBER:
+            return f"its singular is {size!r}, no size"
+        if seen and size >= largest:
+            return (
+                f"its singular, {size:g} m^2, is more than its jacobian's determinant anywhere in "
+                f"the workspace, {largest:.3g} m^2 at most: it would always count as stretched"
+            )
     except BaseException as error:  # somebody else's: anything may come out of it
         return plugins.told(error)
     return "" if seen else "its inverse leads to no point of the workspace, by its own forward"

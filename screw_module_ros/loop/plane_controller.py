@@ -246,7 +246,7 @@ class PlaneController:
             *self._hand,
         )
         self.output = self.laws.step(self.settings, inp, elapsed_ns * 1e-9)
-        if self.laws.wrong:
+        if self.laws.wrong and shoulder.homed and elbow.homed:  # before, an arm may know no place
             self.fault.set(self.laws.wrong)
         return self.output.shoulder_torque, self.output.elbow_torque
 

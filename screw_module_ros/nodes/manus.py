@@ -87,9 +87,9 @@ class ManusNode(DriveNode):
         limits: Any = {name: float(limit) for name, limit in self._arm.limits.items()}
         self.parameters.declare_with(PlanarSettings, **limits)
         self.parameters.declare(arm=self._arm.settings)
-        self._declare_law()
         for joint, own in JOINTS.items():
             self.parameters.declare_with(DriveSettings, joint, ("rate", *SHARED), **own._asdict())
+        self._declare_law()
         self.state = at_base(PlanarState)
         self.state.law = f"{self._law.name} {plane_law_version(self._law)}"
         self.state.arm = f"{self._arm.name} {arm_version(self._arm)}"
@@ -116,6 +116,8 @@ class ManusNode(DriveNode):
         law = self._law_settings().validated()
         place = self.parameters.read(JointSettings, "joints")
         self._check_arm(law, place)
+        if refused := self.refusal({}):
+            raise SettingError(refused)
         profile = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
             adapted(self._drive_settings("shoulder", law.shoulder_torque), profile.drive),

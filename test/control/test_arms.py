@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import pytest
 from law_runs import PLANE_DT
@@ -21,10 +22,16 @@ from screw_module_ros.control.planar import PlanarInput
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.plane_envelope import ARM, enveloped, initial_state
 from screw_module_ros.geometry import MANUS
-from screw_module_ros.settings import SettingError
+from screw_module_ros.settings import Setting, SettingError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_arm"
 NO_ARM = 3.0
+
+
+class Moving(NamedTuple):
+    """Settings of an arm that changes while it moves."""
+
+    upper: Annotated[float, Setting("length of the upper arm", "m", 0.05, 2.0, live=True)] = 0.42
 
 
 @pytest.fixture
@@ -66,6 +73,7 @@ def test_what_is_no_arm_is_told_in_a_sentence(named, said):
         ({"name": "my arm"}, "'my arm', is also the prefix of its parameters"),
         ({"inverse": None}, "its inverse is no function"),
         ({"settings": dict}, "its settings are no NamedTuple"),
+        ({"settings": Moving}, "its setting upper is live"),
         ({"limits": {"wrist_low": 0.0}}, "its limit wrist_low is none of shoulder_low"),
         ({"limits": {"elbow_low": "none"}}, "its limit elbow_low is 'none', no angle"),
     ],
@@ -88,9 +96,10 @@ def shifted(shoulder, elbow, own):
         ({"between": lambda s, e, own: (e - s, 1.0, 1.0)}, "the changes that its between tells"),
         ({"inverse": lambda x, y, own: (0.0, 0.0)}, "its inverse leads to no point"),
         ({"singular": lambda own: math.nan}, "its singular is nan, no size"),
+        ({"singular": lambda own: 1.0}, "its singular, 1 m^2, is more than its jacobian's determ"),
         ({"forward": lambda s, e, own: {}[s]}, "KeyError"),
     ],
-    ids=["jacobian", "jacobian nan", "between", "inverse", "singular", "raises"],
+    ids=["jacobian", "jacobian nan", "between", "inverse", "singular nan", "singular", "raises"],
 )
 def test_functions_that_do_not_fit_together_are_found_before_any_torque(change, said):
     """A wrong Jacobian would turn the force on the hand into another direction."""

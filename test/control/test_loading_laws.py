@@ -17,7 +17,7 @@ from screw_module_ros import plugins
 from screw_module_ros.calibration.version import law_version
 from screw_module_ros.control import laws
 from screw_module_ros.control.envelope import enveloped, initial_state
-from screw_module_ros.control.law import Law, Variant, pulls
+from screw_module_ros.control.law import LINEAR, Law, Margin, Variant, pulls
 from screw_module_ros.control.laws import plane
 from screw_module_ros.control.plane_law import PlaneLaw
 from screw_module_ros.control.vertical import VerticalInput
@@ -28,7 +28,20 @@ from screw_module_ros.settings import Setting, SettingError
 class Own(NamedTuple):
     """Settings of a law."""
 
-    gain: float = 1.0
+    gain: Annotated[float, Setting("of the hand's force", "", 0.0, 10.0)] = 1.0
+
+
+class Signed(NamedTuple):
+    """Settings of a law whose gain has any sign."""
+
+    gain: Annotated[float, Setting("of the hand's force", "", -10.0, 10.0)] = 1.0
+
+
+class Tabled(NamedTuple):
+    """Settings of a law that also reads a file."""
+
+    gain: Annotated[float, Setting("of the hand's force", "", 0.0, 10.0)] = 1.0
+    table: str = ""
 
 
 def beginning(value, text="a gain", hint=None):
@@ -47,6 +60,10 @@ OTHER = Law("mine", {100: Variant("OTHER")}, Own)
 SAME_TITLE = Law("another", {101: Variant("MINE")}, Own)
 SAME_MODE = Law("another", {100: Variant("ANOTHER")}, Own)
 PLANE = PlaneLaw("flat", Own)
+SAME_RESULT = Law(
+    "third", {110: Variant("THIRD", ("gain",))}, Own, judged=LINEAR,
+    margins=(Margin("gain", "feedback", (), ()),),
+)  # fmt: skip
 NO_LAW = 3.0
 
 
@@ -120,6 +137,8 @@ def test_what_is_no_law_is_told_in_a_sentence(named, said):
         ({"settings": beginning(1.0, hint="flaot")}, "NameError: name 'flaot' is not defined"),
         ({"margins": "gain"}, "AttributeError"),
         ({"variants": {100: Variant("A", ("force",))}}, "its gain force is none of its settings"),
+        ({"judged": LINEAR, "settings": Signed}, "its gain gain may be negative"),
+        ({"judged": LINEAR, "settings": Tabled}, "its setting table, on which its gain limits d"),
     ],
     ids=str,
 )
@@ -130,10 +149,14 @@ def test_a_law_that_others_may_not_bring_is_refused(change, said):
 
 @pytest.mark.parametrize(
     ("second", "said"),
-    [("OTHER", "another one is called mine too"), ("SAME_MODE", "mode 100 is mine's"),
-     ("SAME_TITLE", "mine has a mode MINE too")],
+    [
+        ("OTHER", "another one is called mine too"),
+        ("SAME_MODE", "mode 100 is mine's"),
+        ("SAME_TITLE", "mine has a mode MINE too"),
+        ("SAME_RESULT", "its gain in results, feedback, is thesis's: choose another name"),
+    ],
 )
-def test_two_laws_with_one_name_or_mode_are_refused(second, said):
+def test_two_laws_with_one_name_mode_or_gain_in_results_are_refused(second, said):
     assert laws.loaded(["", path("MINE")]) == (*laws.LAWS, MINE)
     with pytest.raises(SettingError, match=said):
         laws.loaded([path("MINE"), path(second)])
@@ -219,6 +242,7 @@ def test_the_version_of_a_law_of_others_is_its_source_and_the_envelope():
     gone = lambda own, m, sample, motion: pulls(1.0)  # noqa: E731
     gone.__module__ = "no.such.module"
     assert law_version(replace(MINE, ask=gone)) == "unknown", "its file is gone"
+    assert law_version(replace(MINE, ask="".join)) == "unknown", "it is of no module"
 
 
 def test_a_law_without_functions_is_the_robot_s_spring():

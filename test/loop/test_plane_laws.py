@@ -106,6 +106,31 @@ def test_a_law_that_always_takes_half_a_period_is_no_torque(running):
     ends_in_zero_torque(running, "0.51 ms of processor time for a step, more than 0.5 ms")
 
 
+def test_an_arm_that_knows_no_place_before_the_home_is_a_fault_only_after_it():
+    """A drive counts from anywhere, where the links of a five-bar may not meet."""
+    met = []
+
+    def forward(shoulder, elbow, own):
+        if not met:
+            raise ValueError("the links do not meet")
+        return FIVE_BAR.forward(shoulder, elbow, own)
+
+    made = OneThreadRobot(arm=replace(FIVE_BAR, name="linkage", forward=forward))
+    hold(made)
+    made.connect()
+    fault = made.plane.drives.permit.fault
+    made.ticks(30)
+    assert fault.reason == "" and math.isnan(made.plane.controller.output.x)
+    met.append(True)
+    assert made.plane.take_home(made.now_ns) == ""
+    made.ticks(30)
+    assert fault.reason == ""
+    met.clear()
+    made.tick()
+    assert fault.reason == "arm linkage: its answer is no number"
+    made.close()
+
+
 def fails(*given):
     """Raise, wherever a law is asked."""
     raise ArithmeticError("no such number")

@@ -29,7 +29,7 @@ def too_much(own):
 
 
 PLAIN = PlaneLaw("plain", Own, refusal=too_much)
-TAKEN = PlaneLaw("joints", Own)
+TAKEN, JOINT = PlaneLaw("joints", Own), PlaneLaw("shoulder", Own)
 HEEDS = PlaneLaw("heeds", Own, heeds=True)
 VERTICAL = Law("vertical", {100: Variant("V")}, Own)
 TURNED = replace(
@@ -54,6 +54,7 @@ def test_settings_of_a_law_are_parameters_below_its_name(make_node):
     [
         ("no_law", "law no_law: neither package.module:NAME nor an entry point"),
         (given("TAKEN"), "law joints: this node has parameters of that name: rename it"),
+        (given("JOINT"), "law shoulder: this node has parameters of that name: rename it"),
         (given("HEEDS"), "it heeds the guard by itself"),
         (given("VERTICAL"), "is a law of the vertical axis: for `laws` of impedance_controller"),
         (given("TURNED"), "is no screw_module_ros.control.plane_law.PlaneLaw"),
@@ -62,6 +63,12 @@ def test_settings_of_a_law_are_parameters_below_its_name(make_node):
 def test_what_is_no_law_of_the_plane_is_refused_at_the_start(make_node, law, said):
     with pytest.raises(SettingError, match=said.replace(".", r"\.")):
         make_node("manus", "-p", f"law:={law}")
+
+
+def test_settings_that_a_law_refuses_are_refused_at_the_start_too(make_node):
+    node = make_node("manus", "-p", f"law:={given('PLAIN')}", "-p", "plain.gain:=4.0")
+    with pytest.raises(ValueError, match="plain.gain = 4 is too much"):
+        node.connect()
 
 
 def test_an_arm_brings_its_settings_and_the_limits_of_its_joints(make_node, monkeypatch):

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ... import plugin_flaws, plugins
-from ...settings import SettingError
+from ...settings import SettingError, fields
 from ..friction import FrictionModel
 from ..law import LINEAR, Law, Margin, Robot, Variant
 from ..modes import EXCITATION, OFF
@@ -117,8 +117,18 @@ def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
             called = {variant.name for variant in other.variants.values()}
             if same := sorted(called & {variant.name for variant in law.variants.values()}):
                 raise SettingError(f"law {path}: {other.name} has a mode {same[0]} too: rename it")
+            if same := sorted(_names_in_results(law) & _names_in_results(other)):
+                raise SettingError(
+                    f"law {path}: its gain in results, {same[0]}, is {other.name}'s: choose "
+                    "another name"
+                )
         laws = (*laws, law)
     return laws
+
+
+def _names_in_results(law: Law) -> set[str]:
+    """Return the names that the largest stable gains of a law have: of one law alone each."""
+    return {margin_of(law, gain).name for gain in modes_of_gains(law)} if law.judged else set()
 
 
 def refusal(law: Any, settings: Any, *mode: int) -> str:
@@ -183,9 +193,16 @@ def _flaw_of_settings(law: Law) -> str:
     gains = {gain for variant in law.variants.values() for gain in variant.gains}
     if unknown := sorted(gains - set(kind._fields)):
         return f"its gain {unknown[0]} is none of its settings"
+    below = [gain for gain in gains if law.judged and fields(kind)[gain].setting.low < 0.0]
+    if below:
+        return f"its gain {below[0]} may be negative, and the linear model judges gains from 0 up"
     if other := [margin.gain for margin in law.margins if margin.gain not in gains]:
         return f"its margin of {other[0]} is of none of its gains"
-    named = {name for margin in law.margins for name in (*margin.least, *margin.most)}
+    margins = [margin_of(law, gain) for gain in modes_of_gains(law)]
+    named = {name for margin in margins for name in (*margin.least, *margin.most)}
     if unknown := sorted(named - {"rate", *kind._fields, *VerticalSettings._fields}):
         return f"its margins name {unknown[0]}, which is no setting of it or of the envelope"
+    values = kind()._asdict().items() if law.judged else ()
+    if no := [name for name, v in values if name in named and not isinstance(v, (int, float))]:
+        return f"its setting {no[0]}, on which its gain limits depend, is no number: name margins"
     return ""
