@@ -154,10 +154,13 @@ class LiveStand:
         return ", ".join(state.calibration if state else "unknown" for state in states)
 
     def _settings_of(self, law: Law) -> Any:
-        """Return the settings with which the controller runs a law of others."""
+        """Return the settings with which the controller runs a law of others.
+
+        What is no parameter there keeps its default.
+        """
         names = {name: f"{law.name}.{name}" for name in law.settings._fields}
         found = self._robot.parameters(CONTROLLER, tuple(names.values()))
-        return law.settings(**{name: found[full] for name, full in names.items()})
+        return law.settings(**{name: found[full] for name, full in names.items() if full in found})
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, BagError, SamplesLost."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shlex
 from types import SimpleNamespace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from screw_module_msgs.msg import AmplifierState
 from screw_module_ros import graph
 from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.excitation import Excitation
+from screw_module_ros.control.law import Law, Variant
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import Screw, torque_to_force
@@ -26,6 +28,7 @@ from screw_module_ros.identification.trials import (
     TorqueTrial,
 )
 from screw_module_ros.operator.client import RobotError
+from screw_module_ros.settings import Setting
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
@@ -254,17 +257,28 @@ def test_a_trial_ends_when_its_amplifier_has_ended(state, said):
         live.check_acting(robot)
 
 
+class Rigid(NamedTuple):
+    """Settings of a law of others; what has no Setting is no parameter."""
+
+    gain: Annotated[float, Setting("of the hand's force", "", 0.0, 10.0)] = 1.0
+    bare: float = 2.0
+
+
+RIGID = Law("rigid", {100: Variant("RIGID", ("gain",))}, Rigid)
+
+
 class StillRobot:
     """A robot on which every request succeeds at once; done: what was asked of it."""
 
-    def __init__(self):
+    def __init__(self, laws=("",)):
+        self.laws = list(laws)
         self.clock, self.done = ManualClock(10**9), []
         self.watch = lambda: None
 
     def parameters(self, node, names):
         own = {"lead": 0.01905, "rate": 1000.0, "use_sim_time": True, "module_serial": "ARM-0007",
-               "laws": [""]}
-        return {name: own[name] for name in names}
+               "laws": self.laws, "rigid.gain": 3.0}
+        return {name: own[name] for name in names if name in own}
 
     def enable(self, on=True):
         self.done.append("torque on" if on else "torque off")
@@ -277,6 +291,11 @@ def made(simulated=True, robot=None, **fixture) -> LiveStand:
     stand = LiveStand(robot, robot.done.append, fixture, None, lambda text: None, [])
     stand.__enter__()
     return stand
+
+
+def test_a_law_runs_with_the_controller_s_parameters_and_the_defaults_of_what_is_none():
+    stand = made(robot=StillRobot([f"{__name__}:RIGID"]))
+    assert stand.law_settings == {"rigid": Rigid(gain=3.0, bare=2.0)}
 
 
 @pytest.mark.parametrize("where", ["_until", "hand_moves"])
