@@ -287,6 +287,11 @@ class Drive(DriveReports):
         return self.logic.recovery.active
 
     @property
+    def unsound(self) -> bool:
+        """Whether it has to be configured again: also when it answers and beats no more."""
+        return self.logic.lost or super().unsound
+
+    @property
     def leaving(self) -> bool:
         """Whether a disabling is under way; the loop's writes continue it."""
         return self.logic.leaving

@@ -101,6 +101,17 @@ def test_no_home_outlives_a_restart_whose_clearing_was_not_answered(bench, monke
     assert not plane.controller.homed and "not homed" in bench.enable_plane()
 
 
+def test_a_drive_whose_communication_was_reset_must_be_homed(bench, plane):
+    """It was told to begin anew; whether its count has outlived that, nobody knows."""
+    bench.rig.inject("shoulder", "heartbeat_lost", 0.0, 0.0, bench.now_ns)
+    bench.ticks(1000)
+    bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
+    before = plane.drives.pair[0].counters["boot_ups"]
+    assert plane.controller.homed and bench.clear_plane_fault() == ""
+    assert plane.drives.pair[0].counters["boot_ups"] > before
+    assert not plane.controller.homed and "not homed" in bench.enable_plane()
+
+
 def test_a_jump_costs_the_home_position(bench, plane):
     """clear_fault alone does not lead back to operation; home at the reference mark does."""
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
