@@ -22,7 +22,7 @@ from ..calibration.module import ModuleCalibration, SensorBias, write_calibratio
 from ..calibration.version import fits, law_version
 from ..control.law import Law
 from ..control.laws import margin_of, modes_of_gains
-from ..control.laws.thesis import THESIS
+from ..control.laws.thesis import THESIS as THESIS_LAW
 from ..control.vertical_settings import VerticalSettings
 from ..files import replace
 from ..settings import Field, Setting, fields
@@ -198,7 +198,7 @@ def _laws(lab: Lab) -> dict[str, Any]:
 def _law(law: Law, gains: Result) -> dict[str, Any]:
     """Return one law's part of the file; gains: result of `stability`. Raises MissingResult."""
     # A result of an earlier version has those of one law, not below its name.
-    earlier = {THESIS.name: gains.settings.get("law_version", "")}
+    earlier = {THESIS_LAW.name: gains.settings.get("law_version", "")}
     version = gains.settings.get("laws", earlier).get(law.name, "")
     if not version:
         raise MissingResult(
@@ -209,7 +209,7 @@ def _law(law: Law, gains: Result) -> dict[str, Any]:
             f"the gains of {stability.NAME} were found for version {version} of law {law.name}, "
             f"now it is {law_version(law)}: run {stability.NAME} again"
         )
-    known = gains.settings.get("conditions", {THESIS.name: gains.settings})[law.name]
+    known = gains.settings.get("conditions", {THESIS_LAW.name: gains.settings})[law.name]
     wanted = conditions_of(law, VerticalSettings(), law.settings(), Loop(0.0, 0.0, 0.0))
     if missing := set(wanted) - set(known):
         raise MissingResult(

@@ -23,7 +23,7 @@ from ..calibration.version import law_version
 from ..control import modes
 from ..control.law import Law
 from ..control.laws import LAWS, margin_of, modes_of_gains, settings_of
-from ..control.laws.thesis import THESIS
+from ..control.laws.thesis import THESIS as THESIS_LAW
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from . import gravity, inertia
@@ -125,7 +125,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         law.name: conditions_of(law, usual, _own(lab, law, usual), loop)
         for law in lab.stand.laws if law.judged
     }  # fmt: skip
-    in_force = settings._asdict() | conditions[THESIS.name]  # a simulated module has its own loop
+    in_force = settings._asdict() | conditions[THESIS_LAW.name]  # a simulated module has its own loop
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
     identified = NOMINAL if _identified(lab) is None else IDENTIFIED
     masses = SIMULATED if TRUTH in lab.stand.offers else identified
