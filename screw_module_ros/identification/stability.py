@@ -125,7 +125,8 @@ def run(lab: Lab, settings: Settings) -> Result:
         law.name: conditions_of(law, usual, _own(lab, law, usual), loop)
         for law in lab.stand.laws if law.judged
     }  # fmt: skip
-    in_force = settings._asdict() | conditions[THESIS_LAW.name]  # a simulated module has its own loop
+    # A simulated module has its own loop.
+    in_force = settings._asdict() | conditions[THESIS_LAW.name]
     in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
     identified = NOMINAL if _identified(lab) is None else IDENTIFIED
     masses = SIMULATED if TRUTH in lab.stand.offers else identified
