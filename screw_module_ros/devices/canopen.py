@@ -31,6 +31,7 @@ _TOGGLE_BIT = 0x80
 _BOOT_S = 1.0  # time in which a device boots after a reset of its communication
 _TWO_ANSWERS = "two answers to one question (SDO)"
 
+
 class Heartbeat:
     """Heartbeat producer of this process on one bus (CiA 301, 7.2.8.3); drives of a bus share it.
 

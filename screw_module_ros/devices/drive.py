@@ -39,7 +39,7 @@ class Drive(DriveReports):
     finite), saturated (commands beyond max_torque), bus_errors, foreign (commands of another
     master), foreign_heartbeats (in our name).
     warnings: for the user, such as missing guards. unguarded: guards that the drive refused and
-    nothing replaces. make: what is known of its make.
+    nothing replaces.
     drive_limit: the `max_torque` that the drive has been told [Nm], None if unknown.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].

@@ -38,6 +38,12 @@ class FrameSensor(ForceSensor):
         request_id: int = 0,
         answer_ids: tuple[int, ...] = (),
     ):
+        """Raises ValueError unless each frame of an answer has a length and an identifier."""
+        if not 0 < len(self.SIZES) == len(answer_ids):
+            raise ValueError(
+                f"{type(self).__name__}: {len(self.SIZES)} SIZES and {len(answer_ids)} answer_ids: "
+                "one of each is wanted for each frame of an answer"
+            )
         super().__init__(port, settings, label, own, len(self.SIZES))
         self.port: Port = port
         self.request_id, self.answer_ids = request_id, answer_ids

@@ -153,6 +153,13 @@ def test_a_driver_that_ends_the_program_does_not_end_the_loop(wire, chosen, monk
     assert sensor.fault == "the driver of the force sensor failed: SystemExit: not licensed"
 
 
+@pytest.mark.parametrize("sizes", [(), (6, 2)])
+def test_frames_without_a_length_or_an_identifier_are_refused(wire, chosen, monkeypatch, sizes):
+    monkeypatch.setattr(OneFrame, "SIZES", sizes)
+    with pytest.raises(ValueError, match=f"{len(sizes)} SIZES and 1 answer_ids"):
+        driver(chosen(OneFrame), lambda *claims: wire.port)
+
+
 def test_a_silence_may_be_a_restart_that_has_lost_all_settings(wire, chosen):
     sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
     sensor.configure()
