@@ -119,24 +119,27 @@ def kinematics_flaw(arm: Arm, own: Any, half_width: float, half_depth: float) ->
     """Return what of an arm's functions does not fit together, empty if all does.
 
     own: its settings; half_width, half_depth: of the workspace [m]. Looks in its centre, at its
-    edges and corners, as far as the arm reaches there; a wrong Jacobian would turn the force on the
-    hand into another direction, and where the arm counts as stretched its stops press more.
+    edges and corners, as far as its inverse leads into the workspace; a wrong Jacobian would turn
+    the force on the hand into another direction, and where the arm counts as stretched its stops
+    press more.
     """
     seen, largest = 0, 0.0
     try:
         for x, y in product((-half_width, 0.0, half_width), (-half_depth, 0.0, half_depth)):
-            if not reaches(arm, x, y, own):
-                continue
-            seen += 1
             angles = arm.inverse(x, y, own)
+            to_x, to_y = arm.forward(*angles, own)
+            wide, deep = half_width + _SAME_PLACE, half_depth + _SAME_PLACE
+            if not (abs(to_x) <= wide and abs(to_y) <= deep):  # out of reach, or NaN
+                continue
+            seen += math.dist((to_x, to_y), (x, y)) < _SAME_PLACE
             x_s, x_e, y_s, y_e = arm.jacobian(*angles, own)
             largest = max(largest, abs(x_s * y_e - x_e * y_s))
             if not _same((x_s, x_e, y_s, y_e), _jacobian(arm, angles, own)):
-                return f"at x, y = {x:g}, {y:g} m its jacobian is not how its forward changes"
+                return f"at x, y = {to_x:g}, {to_y:g} m its jacobian is not how its forward changes"
             if not _same(arm.between(*angles, own)[1:], _turning(arm, angles, own)):
                 return (
-                    f"at x, y = {x:g}, {y:g} m the changes that its between tells are not how its "
-                    "angle changes"
+                    f"at x, y = {to_x:g}, {to_y:g} m the changes that its between tells are not "
+                    "how its angle changes"
                 )
         if not 0.0 <= (size := arm.singular(own)) <= NUMBER:
             return f"its singular is {size!r}, no size"

@@ -88,18 +88,29 @@ def shifted(shoulder, elbow, own):
     return FIVE_BAR.jacobian(shoulder + 0.01, elbow, own)
 
 
+def turned(shoulder, elbow, own):
+    """Return a Jacobian of the wrong sign beside the middle."""
+    sign = 1.0 if abs(FIVE_BAR.forward(shoulder, elbow, own)[0]) < 1e-3 else -1.0
+    return tuple(sign * each for each in FIVE_BAR.jacobian(shoulder, elbow, own))
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({"jacobian": shifted}, "at x, y = -0.1905, -0.2286 m its jacobian is not how its forward"),
         ({"jacobian": lambda s, e, own: (math.nan,) * 4}, "its jacobian is not how its forward"),
+        (
+            {"inverse": lambda x, y, own: FIVE_BAR.inverse(-x, y, own), "jacobian": turned},
+            "its jacobian is not how its forward",
+        ),
         ({"between": lambda s, e, own: (e - s, 1.0, 1.0)}, "the changes that its between tells"),
         ({"inverse": lambda x, y, own: (0.0, 0.0)}, "its inverse leads to no point"),
         ({"singular": lambda own: math.nan}, "its singular is nan, no size"),
         ({"singular": lambda own: 1.0}, "its singular, 1 m^2, is more than its jacobian's determ"),
         ({"forward": lambda s, e, own: {}[s]}, "KeyError"),
     ],
-    ids=["jacobian", "jacobian nan", "between", "inverse", "singular nan", "singular", "raises"],
+    ids=["jacobian", "jacobian nan", "jacobian beside", "between", "inverse", "singular nan",
+         "singular", "raises"],
 )
 def test_functions_that_do_not_fit_together_are_found_before_any_torque(change, said):
     """A wrong Jacobian would turn the force on the hand into another direction."""
