@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One look at the figures of every experiment."""
 
+import pytest
 from formula_stand import keep_calibration
 from test_kept_results import SETTINGS
 
@@ -29,6 +30,7 @@ def test_every_experiment_is_drawn_by_a_test():
     assert {*EXPERIMENTS} == {*SETTINGS, *ON_THE_MODULE, "stability", "calibration"}
 
 
+@pytest.mark.long
 def test_the_others_draw_what_they_kept(tmp_path, stand):
     """From the files alone; each figure has a title, units, and something in it."""
     keep_calibration(tmp_path, stand.world)

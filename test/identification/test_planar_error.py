@@ -36,6 +36,7 @@ def found(stand, kind, case, **more):
     return error_of(reduced(trial, stand.record(trial, quietly)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("case", "share", "of_none"),
     [

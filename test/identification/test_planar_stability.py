@@ -90,6 +90,7 @@ def test_unstable_loops_grow_as_their_eigenvalue_says(module, stiffness, environ
     assert loop.rate * math.log(found) == pytest.approx(1.0, abs=0.4)
 
 
+@pytest.mark.long
 def test_the_linear_law_is_impedance_and_feedback_through_the_jacobian():
     """Without a filter's delay the torques are J^T of (1 + k) Fpd + k F for slow inputs."""
     a, b, c, d = planar_law(LAW._replace(force_gain=4.0), LOOP, 0.05, -0.1)

@@ -189,6 +189,7 @@ def test_the_shipped_module_grows_as_its_eigenvalue_says():
     assert simulated(Mechanism(), HEAVY, Sampling(), law) == pytest.approx(found, abs=0.002)
 
 
+@pytest.mark.long
 def test_the_linear_law_is_force_feedback_as_the_thesis_writes_it():
     """Without a filter's delay, command = -(1 + k) K z + k Fp (eqs 6.3 to 6.6) for slow inputs."""
     a, b, c, d = linear_law(FEEDBACK_LAW.with_gain(4.0), 1e-3)
@@ -329,6 +330,7 @@ def quickly(monkeypatch):
     return meet
 
 
+@pytest.mark.long
 def test_experiment_predicts_without_a_simulated_module(lab, monkeypatch):
     """The limits are stable on hand, heavy arm and damped wall; the file names what they exceed."""
     met = {name: stability.ENVIRONMENTS[name] for name in (*LOADS, "soft_grip")}

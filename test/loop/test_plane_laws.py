@@ -235,6 +235,7 @@ def shaken(robot, gain):
     return statistics.pstdev(shown), robot.plane.controller.output.share
 
 
+@pytest.mark.long
 def test_too_large_a_force_gain_is_taken_back_by_the_guard(running):
     """No law need know of the guard: it acts from outside."""
     calm, whole = shaken(running, 0.0)
@@ -243,6 +244,7 @@ def test_too_large_a_force_gain_is_taken_back_by_the_guard(running):
     assert share < 0.5 and wild < 6.0
 
 
+@pytest.mark.long
 def test_a_damper_that_a_law_needs_comes_in_and_no_more_than_200(running):
     asked(running, 5.0, needed=1e6)
     assert running.plane.controller.laws.state.damping == pytest.approx(200.0)

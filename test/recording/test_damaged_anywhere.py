@@ -17,6 +17,8 @@ from mcap_features import FEATURES
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.recover import recover
 
+pytestmark = pytest.mark.long
+
 TICKS = 600
 LAYOUTS = ("zstd", "lz4", "chunked", "no index", "no summary", "not chunked", "mixed")
 ANYWHERE = settings(

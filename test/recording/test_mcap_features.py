@@ -14,6 +14,8 @@ from mcap_features import FEATURES, PLACES, SHORT
 from screw_module_ros.recording.verify import verify
 from screw_module_ros.session_command import main
 
+pytestmark = pytest.mark.long
+
 SESSION = next((Path(__file__).parents[1] / "data" / "bags").glob("P-7K3QX_*"))
 SOURCE = SESSION / f"{SESSION.name}_0.mcap"
 MESSAGES = sum(count.messages for count in verify(SESSION).topics.values())
