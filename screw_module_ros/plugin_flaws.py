@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from .plugins import told
-from .settings import fields, validated
+from .settings import SettingError, fields, validated
 
 _LONGEST = 60  # characters of a name
 _KINDS = (bool, int, float, str, tuple)
+
+Kind = TypeVar("Kind")
 
 
 def first_flaw(given: Any, *judges: Callable[[Any], str]) -> str:
@@ -22,6 +24,18 @@ def first_flaw(given: Any, *judges: Callable[[Any], str]) -> str:
         return next(filter(None, (judge(given) for judge in judges)), "")
     except BaseException as error:  # somebody else's: anything may come out of it
         return told(error)
+
+
+def taken(given: Any, what: str, kind: type[Kind], *judges: Callable[[Any], str]) -> Kind:
+    """Return what somebody brings. Raises SettingError if it is of another kind, or has a flaw.
+
+    what: its kind and path for messages, like `law mylab:FLOOR`.
+    """
+    if not isinstance(given, kind):
+        raise SettingError(f"{what}: it is no {kind.__module__}.{kind.__qualname__}")
+    if wrong := first_flaw(given, *judges):
+        raise SettingError(f"{what}: {wrong}")
+    return given
 
 
 def settings_flaw(kind: Any) -> str:

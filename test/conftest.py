@@ -8,12 +8,16 @@ several workers.
 from __future__ import annotations
 
 import gc
+import importlib
 import json
 import os
+import sys
 import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
 
 import can
 import can.interfaces.virtual
@@ -25,6 +29,7 @@ import leftovers
 import prerequisites
 
 SECONDS_BETWEEN_POLLS = 0.005
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 # How long an example takes is no property of the code. `make fuzz` looks deeper.
 settings.register_profile("suite", deadline=None, max_examples=40)
@@ -45,6 +50,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("graph"):
             item.add_marker(pytest.mark.timeout(GRAPH_ENDS_S))
+
+
+@pytest.fixture
+def importing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., ModuleType]]:
+    """Return `importing(folder, module)`: a module of an example, as its README runs it.
+
+    Afterwards the folder's modules are forgotten: another example has a `try_it` too.
+    """
+    folders = []
+
+    def imported(folder: str, module: str) -> ModuleType:
+        folders.append(EXAMPLES / folder)
+        monkeypatch.syspath_prepend(str(folders[-1]))
+        return importlib.import_module(module)
+
+    yield imported
+    for name, module in list(sys.modules.items()):
+        if Path(getattr(module, "__file__", None) or "/").parent in folders:
+            del sys.modules[name]
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,7 +17,7 @@ from typing import Any
 
 from .. import plugin_flaws, plugins
 from ..geometry import MANUS_NAME, PlanarArm, forward, inverse, jacobian
-from ..settings import SettingError, fields
+from ..settings import fields
 
 GROUP = "screw_module_ros.arms"
 """Entry points that name arms of other packages."""
@@ -87,12 +87,7 @@ def load(path: str) -> Arm:
     """
     if path == FIVE_BAR.name:
         return FIVE_BAR
-    arm = plugins.load(path, GROUP, "arm")
-    if not isinstance(arm, Arm):
-        raise SettingError(f"arm {path}: it is no screw_module_ros.control.arms.Arm")
-    if wrong := flaw(arm):
-        raise SettingError(f"arm {path}: {wrong}")
-    return arm
+    return plugin_flaws.taken(plugins.load(path, GROUP, "arm"), f"arm {path}", Arm, _flaw)
 
 
 def flaw(arm: Arm) -> str:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import plugin_flaws, plugins
-from ..settings import SettingError
 from .patient import ArmForce
 from .planar import (
     ManusInput,
@@ -66,13 +65,7 @@ def load(path: str) -> PlanePlant:
     if path in ("", MANUS_PLANT.name):
         return MANUS_PLANT
     plant = plugins.load(path, GROUP, "plane_plant")
-    if not isinstance(plant, PlanePlant):
-        raise SettingError(
-            f"plane_plant {path}: it is no screw_module_ros.plant.plane_plant.PlanePlant"
-        )
-    if wrong := plugin_flaws.first_flaw(plant, _flaw):
-        raise SettingError(f"plane_plant {path}: {wrong}")
-    return plant
+    return plugin_flaws.taken(plant, f"plane_plant {path}", PlanePlant, _flaw)
 
 
 def _flaw(plant: PlanePlant) -> str:

@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 from importlib import metadata
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import pytest
@@ -24,7 +22,6 @@ from screw_module_ros.control.plane_envelope import ARM, enveloped, initial_stat
 from screw_module_ros.geometry import MANUS
 from screw_module_ros.settings import Setting, SettingError
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "own_arm"
 NO_ARM = 3.0
 
 
@@ -35,13 +32,9 @@ class Moving(NamedTuple):
 
 
 @pytest.fixture
-def serial(monkeypatch):
+def serial(importing):
     """The example's arm."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-    import serial_arm
-
-    yield serial_arm.SERIAL
-    sys.modules.pop("serial_arm", None)
+    return importing("own_arm", "serial_arm").SERIAL
 
 
 def test_an_arm_is_found_by_its_name_by_module_and_by_entry_point(serial, monkeypatch):

@@ -3,24 +3,17 @@
 
 import ast
 import math
-import sys
 from pathlib import Path
 
 import pytest
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_arm"
-MODULES = ("serial_arm", "serial_plant", "try_it")
 
 
 @pytest.fixture
-def example(monkeypatch):
-    """The example's modules, as its README runs them."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-    import try_it
-
-    yield try_it
-    for name in MODULES:
-        sys.modules.pop(name, None)
+def example(importing):
+    """What the example's README runs."""
+    return importing("own_arm", "try_it")
 
 
 def test_the_arm_homes_and_draws_a_square(example):

@@ -16,15 +16,9 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "own_law"
 
 
 @pytest.fixture
-def example(monkeypatch):
+def example(importing):
     """The example's modules, as its README runs them."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-    import mylab
-    import try_it
-
-    yield mylab, try_it
-    for name in ("mylab", "try_it"):
-        sys.modules.pop(name, None)
+    return importing("own_law", "mylab"), importing("own_law", "try_it")
 
 
 def test_the_hand_feels_the_floor(example):

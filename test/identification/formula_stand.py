@@ -25,7 +25,7 @@ from screw_module_ros.identification.trials import (
     TorqueTrial,
 )
 
-COUNT = 0.01905 / 20_000  # of the thesis's screw [m]
+COUNT = 0.01905 / 20_000  # travel of one count on the thesis's screw [m]
 PRESLIDING = 2.5e-6  # of the nut [m/N]
 
 

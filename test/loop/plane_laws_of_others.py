@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from laws_of_others import burn, worked
+from laws_of_others import OddMemory, burn, worked
 
 from screw_module_ros.control.plane_law import Needs, PlaneLaw
 from screw_module_ros.settings import Setting
@@ -27,14 +26,6 @@ class AskedSettings(NamedTuple):
     raises: Annotated[bool, Setting("raises an error", live=True)] = False
     work: Annotated[float, Setting("processor time it says it took", "ms", *_ANY, live=True)] = 0.0
     busy: Annotated[float, Setting("processor time it takes", "ms", 0.0, 100.0, live=True)] = 0.0
-
-
-@dataclass(slots=True)
-class Memory:
-    """sign: of the next pull; ticks: since the last rest."""
-
-    sign: float = 1.0
-    ticks: float = 0.0
 
 
 def needs(own, m, sample, stiffness):
@@ -67,5 +58,5 @@ def rest(own, m):
 
 
 THE_ASKED = PlaneLaw(
-    "asked", AskedSettings, lambda own: Memory(), needs, ask, helps, rest, shown=("ticks",)
+    "asked", AskedSettings, lambda own: OddMemory(), needs, ask, helps, rest, shown=("ticks",)
 )

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import pytest
@@ -13,8 +12,6 @@ from screw_module_ros.control.arms import FIVE_BAR
 from screw_module_ros.control.law import Law, Variant
 from screw_module_ros.control.plane_law import PlaneLaw
 from screw_module_ros.settings import Setting, SettingError
-
-EXAMPLE = Path(__file__).parents[2] / "examples" / "own_arm"
 
 
 class Own(NamedTuple):
@@ -71,8 +68,8 @@ def test_settings_that_a_law_refuses_are_refused_at_the_start_too(make_node):
         node.connect()
 
 
-def test_an_arm_brings_its_settings_and_the_limits_of_its_joints(make_node, monkeypatch):
-    monkeypatch.syspath_prepend(str(EXAMPLE))
+def test_an_arm_brings_its_settings_and_the_limits_of_its_joints(make_node, importing):
+    importing("own_arm", "serial_arm")
     node = make_node("manus", "-p", "arm:=serial_arm:SERIAL", "-p", "arm.upper:=0.4")
     assert node.get_parameter("arm.upper").value == 0.4
     assert node.get_parameter("elbow_low").value == -2.6
@@ -85,8 +82,8 @@ def test_an_arm_whose_functions_do_not_fit_together_is_refused_before_any_device
         node.connect()
 
 
-def test_an_arm_that_does_not_reach_the_mark_names_its_own_numbers(make_node, monkeypatch):
-    monkeypatch.syspath_prepend(str(EXAMPLE))
+def test_an_arm_that_does_not_reach_the_mark_names_its_own_numbers(make_node, importing):
+    importing("own_arm", "serial_arm")
     node = make_node("manus", "-p", "arm:=serial_arm:SERIAL", "-p", "joints.home_y:=-0.5")
     with pytest.raises(SettingError, match=r"not reach there; its own are arm\.upper, arm\.fore"):
         node.connect()

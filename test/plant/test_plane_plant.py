@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 import math
-import sys
 from importlib import metadata
-from pathlib import Path
 
 import pytest
 
@@ -17,19 +15,14 @@ from screw_module_ros.plant.plane_plant import MANUS_PLANT, PlanePlant
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.settings import SettingError
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "own_arm"
 NO_PLANT = 3.0
 NO_STEP = MANUS_PLANT.__class__("none", dict, *(None,) * 5)
 
 
 @pytest.fixture
-def serial(monkeypatch):
+def serial(importing):
     """The example's plant."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-    import serial_plant
-
-    yield serial_plant.SERIAL_PLANT
-    sys.modules.pop("serial_plant", None)
+    return importing("own_arm", "serial_plant").SERIAL_PLANT
 
 
 def test_a_plant_is_found_by_module_and_by_entry_point_and_ours_without_a_name(serial, monkeypatch):

@@ -73,12 +73,13 @@ def parameter_of(law: Law, setting: str) -> str:
     return f"{law.name}.{setting}" if own else setting
 
 
-def settings_of(law: Law, p: VerticalSettings, chosen: Any = None) -> Any:
-    """Return the settings of a law: the envelope's are those of this package's laws too.
+def settings_of(law: Any, p: Any, chosen: Any = None) -> Any:
+    """Return the settings of a law: the envelope's, `p`, are those of this package's laws too.
 
-    chosen: of a law of others, None = its defaults.
+    law: of the plane too, with its `PlanarSettings`; chosen: of a law of others, None = its
+    defaults.
     """
-    if law.settings is VerticalSettings:
+    if law.settings is type(p):
         return p
     return law.settings() if chosen is None else chosen
 
@@ -95,11 +96,7 @@ def load(path: str) -> Law:
     and `flaw_of_calls`, which calls its functions.
     """
     law = plugins.load(path, GROUP, "law")
-    if not isinstance(law, Law):
-        raise SettingError(f"law {path}: it is no screw_module_ros.control.law.Law")
-    if wrong := plugin_flaws.first_flaw(law, flaw, flaw_of_calls):
-        raise SettingError(f"law {path}: {wrong}")
-    return law
+    return plugin_flaws.taken(law, f"law {path}", Law, flaw, flaw_of_calls)
 
 
 def loaded(paths: Iterable[str]) -> tuple[Law, ...]:
@@ -150,14 +147,22 @@ def flaw(law: Law) -> str:
     return plugin_flaws.first_flaw(law, _flaw_of_kind, _flaw_of_modes, _flaw_of_settings)
 
 
-def _flaw_of_kind(law: Law) -> str:
-    functions = ("foresee", "ask", "help", "rest", "memory", "own", "refusal")
-    wrong = plugin_flaws.prefix_flaw(law.name) or plugin_flaws.functions_flaw(law, functions)
+def head_flaw(law: Any, *functions: str) -> str:
+    """Return what is wrong with what a law says of itself, empty if nothing is.
+
+    law: of the plane too; functions: those that are its own, beside what every law has.
+    """
+    own = (*functions, "ask", "help", "rest", "memory", "own", "refusal")
+    wrong = plugin_flaws.prefix_flaw(law.name) or plugin_flaws.functions_flaw(law, own)
     if wrong:
         return wrong
     if law.heeds:
         return "it heeds the guard by itself: the envelope does that for laws of other packages"
-    if wrong := plugin_flaws.shown_flaw(law.shown, MOST_SHOWN):
+    return plugin_flaws.shown_flaw(law.shown, MOST_SHOWN)
+
+
+def _flaw_of_kind(law: Law) -> str:
+    if wrong := head_flaw(law, "foresee"):
         return wrong
     if law.judged not in ("", LINEAR):
         return f"it is judged by {law.judged!r}: {LINEAR!r} is wanted, or nothing"

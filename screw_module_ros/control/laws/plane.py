@@ -11,7 +11,7 @@ from ...settings import SettingError
 from ..law import Law
 from ..planar_settings import PlanarSettings
 from ..plane_law import PlaneLaw
-from . import GROUP, MOST_SHOWN
+from . import GROUP, head_flaw, settings_of
 from .plane_impedance import PLANE_IMPEDANCE
 from .plane_rehearsal import flaw_of_plane_calls
 
@@ -32,13 +32,7 @@ def load(path: str) -> PlaneLaw:
         raise SettingError(
             f"law {path}: it is a law of the vertical axis: for `laws` of impedance_controller"
         )
-    if not isinstance(law, PlaneLaw):
-        raise SettingError(
-            f"law {path}: it is no screw_module_ros.control.plane_law.PlaneLaw"
-        )
-    if wrong := plugin_flaws.first_flaw(law, flaw, flaw_of_plane_calls):
-        raise SettingError(f"law {path}: {wrong}")
-    return law
+    return plugin_flaws.taken(law, f"law {path}", PlaneLaw, flaw, flaw_of_plane_calls)
 
 
 def flaw(law: PlaneLaw) -> str:
@@ -47,24 +41,15 @@ def flaw(law: PlaneLaw) -> str:
 
 
 def _flaw(law: PlaneLaw) -> str:
-    functions = ("memory", "needs", "ask", "help", "rest", "own", "refusal")
-    wrong = plugin_flaws.prefix_flaw(law.name) or plugin_flaws.functions_flaw(law, functions)
-    if wrong:
+    if wrong := head_flaw(law, "needs"):
         return wrong
-    if law.heeds:
-        return "it heeds the guard by itself: the envelope does that for laws of other packages"
     if law.name in [known.name for known in PLANE_LAWS]:
         return f"{law.name} is the name of a law of this package: choose another one"
-    if wrong := plugin_flaws.shown_flaw(law.shown, MOST_SHOWN):
-        return wrong
     if law.settings is PlanarSettings:
         return "its settings are those of the plane: make a NamedTuple of your own"
     return plugin_flaws.settings_flaw(law.settings)
 
 
 def own_of(law: PlaneLaw, p: PlanarSettings, chosen: Any = None) -> Any:
-    """Return what a law's functions get; p: settings of the plane, which are those of this
-    package's law too; chosen: of a law of others, None = its defaults."""
-    if law.settings is PlanarSettings:
-        return law.own(p, p)
-    return law.own(law.settings() if chosen is None else chosen, p)
+    """Return what a law's functions get; p: settings of the plane; chosen: see `settings_of`."""
+    return law.own(settings_of(law, p, chosen), p)
