@@ -17,6 +17,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import importlib
 import os
 import re
 import shutil
@@ -70,7 +71,7 @@ def compiled(function: Callable) -> Callable:
     Compilation happens at the first call with arguments of a new type (seconds), or is read from
     the disk cache (a fraction of one). Raises ImportError when numba is missing.
     """
-    import numba
+    numba = _numba()
     from numba.extending import register_jitable
 
     callees = _reached(function) - {function}
@@ -87,6 +88,23 @@ def compiled(function: Callable) -> Callable:
 
 
 _registered: set[Callable] = set()
+
+
+@functools.cache
+def _numba() -> Any:
+    """Return numba, loaded without scipy where nobody has imported that yet.
+
+    numba would import it, which takes a third of its start, to learn whether functions of arrays
+    have a BLAS. What is compiled here computes with numbers.
+    """
+    hidden: dict[str, Any] = {} if "scipy" in sys.modules else {"scipy": None}
+    sys.modules.update(hidden)
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        for name in hidden:
+            del sys.modules[name]
+    return sys.modules["numba"]
 
 
 def packed(record: Any) -> Any:

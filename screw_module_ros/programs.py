@@ -7,6 +7,7 @@ the module cannot be imported.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
@@ -86,9 +87,11 @@ def _interruptible(status: int) -> Iterator[None]:
         return
     before = signal.signal(signal.SIGINT, lambda *_: os._exit(status))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # the launch file blocks it
+    gc.disable()  # an import makes no garbage, and each collection looks at all that is there
     try:
         yield
     finally:
+        gc.enable()
         own = callable(before)
         signal.signal(signal.SIGINT, before if own else signal.default_int_handler)
 

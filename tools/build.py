@@ -195,6 +195,7 @@ def install_nodes(ros: Path | None, progress: Progress) -> None:
     """Install the package itself, its executables so that they start in any folder."""
     colcon(PACKAGE, ros, progress)
     shebangs.repair(INSTALL / PACKAGE / "lib" / PACKAGE, PYTHON)
+    packages.compile_bytecode(PYTHON, ROOT / PACKAGE, LOGS / f"{PACKAGE}.log", progress)
 
 
 def tool_lists(ros: Path | None) -> list[Path]:

@@ -93,15 +93,15 @@ def uv_variables(listing: str) -> dict[str, str]:
     return result
 
 
-def compile_bytecode(python: Path, site_packages: Path, log: Path, progress: Progress) -> None:
-    """Compile the installed modules on all cores, as nodes must start fast from the first time.
+def compile_bytecode(python: Path, modules: Path, log: Path, progress: Progress) -> None:
+    """Compile the modules below a folder on all cores: nodes must start fast from the first time.
 
     The packages' own tests, a third of all, stay as they are. A file that cannot be compiled, such
     as a template, is no failure.
     """
-    tests = re.escape(str(site_packages)) + "/.*/tests?/"
+    tests = re.escape(str(modules)) + "/.*/tests?/"
     command = [str(python), "-I", "-m", "compileall", "-qq", "-j", "0", "-x", tests]
     try:
-        run_logged("compileall", [*command, str(site_packages)], log, progress, dict(os.environ))
+        run_logged("compileall", [*command, str(modules)], log, progress, dict(os.environ))
     except StepFailed:
         pass

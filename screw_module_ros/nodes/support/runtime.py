@@ -25,7 +25,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros import graph
-from screw_module_ros.clock import WallClock
+from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.locks import AlreadyRunning, Lock, lock_node
 from screw_module_ros.lockstep.clock import SimulatedClock
@@ -42,8 +42,8 @@ RCLError = rclpy_implementation.RCLError  # exported nowhere else
 UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _TEARDOWN_S = 6  # bringup sends the next signal after 8
-_ACTIVE_POLL_S = 0.005
-_RETRY_S = 1.0
+_RETRY_S, _LOOK_S = 1.0, 0.05
+_WALL = WallClock()
 _NO_TIME = (
     "waiting for sim_rig: nobody moves simulated time in ROS domain {} yet (or set use_sim_time to "
     "false)"
@@ -139,13 +139,13 @@ def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
     """Run until the end; return whether requests were served until then."""
     first = nodes[0]
     for node in nodes:
-        node.service.start(partial(_autostart, node))
+        node.service.start(partial(autostart, node))
     worked = False
     try:
         scheduling = _scheduling(nodes)
         refused = prepare(scheduling)
         while not (first.stopping.is_set() or any(node.active for node in nodes)):
-            first.stopping.wait(_ACTIVE_POLL_S)
+            first.wait_for_activation()
         for sentence in refused + take_priority(scheduling):
             first.get_logger().warning(sentence)
         loop(nodes)
@@ -213,20 +213,29 @@ def _scheduling(nodes: list[Node]) -> RealtimeSettings:
     return asked[0]._replace(priority=max(settings.priority for settings in asked))
 
 
-def _autostart(node: Node) -> None:
-    """Configure and activate if `autostart` is set; try again each second until it works."""
+def autostart(node: Node, wall: Clock = _WALL) -> None:
+    """Configure and activate if `autostart` is set; try again each second until it works.
+
+    A node that came before the rig looks for it more often, and begins as soon as it moves time.
+    Call it from the node's service thread. wall: clock of the waits.
+    """
+    if not node.parameters.read(StartSettings).autostart:
+        return
+    timer = node.periodic.every(wall, _LOOK_S, lambda: attempt())
 
     def attempt() -> None:
-        if node.phase == UNCONFIGURED and _time_moves(node):
+        nonlocal timer
+        if node.phase == UNCONFIGURED and not _time_moves(node):
+            return
+        node.periodic.cancel(timer)  # an attempt may take longer than the time to the next one
+        if node.phase == UNCONFIGURED:
             node.trigger_configure()
         if node.phase == INACTIVE:
             node.trigger_activate()
-        if node.phase in (ACTIVE, FINALIZED):
-            node.periodic.cancel(timer)
+        if node.phase not in (ACTIVE, FINALIZED):
+            timer = node.periodic.every(wall, _RETRY_S, attempt)
 
-    if node.parameters.read(StartSettings).autostart:
-        timer = node.periodic.every(WallClock(), _RETRY_S, attempt)
-        attempt()
+    attempt()
 
 
 def _time_moves(node: Node) -> bool:
