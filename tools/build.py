@@ -15,11 +15,13 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import packages
+import parsed_idl
 import prerequisites
 import ros_wheels
 import shebangs
@@ -81,13 +83,13 @@ def plan(ros: Path | None) -> list[Step]:
     builders = tools[2:]
     definitions = sorted(file for file in (ROOT / "msg_defs").rglob("*") if file.is_file())
     described = [ROOT / name for name in ("setup.py", "setup.cfg", "package.xml")]
-    hook = ROOT / "tools/venv_hook.py"
+    hooks = [ROOT / "tools/venv_hook.py", ROOT / "tools/parsed_idl.py"]
     return [
         Step("virtual environment", VENV, environment, lambda _: make_venv(ros)),
         Step(
             "build tools" if ros else "build tools and ROS",
             VENV / "bin",
-            digest([environment], [*tools, hook]),
+            digest([environment], [*tools, *hooks]),
             lambda progress: install_tools(tools, ros, progress),
         ),
         Step(
@@ -133,6 +135,7 @@ def install_tools(lists: list[Path], ros: Path | None, progress: Progress) -> No
         packages.install(PYTHON, lists[2:], log, progress)
         if ros is None:
             ros_wheels.rewrite_cmake_files(VENV)
+            ros_wheels.parse_once(site_packages())
         packages.compile_bytecode(PYTHON, site_packages(), log, progress)
         shutil.copy(ROOT / "tools/venv_hook.py", site_packages() / f"{HOOK}.py")
         (site_packages() / f"{HOOK}.pth").write_text(f"import {HOOK}\n")
@@ -186,7 +189,8 @@ def colcon(package: str, ros: Path | None, progress: Progress) -> None:
         command += ["--cmake-args", *(f"-D{setting}" for setting in settings)]
     log = LOGS / f"{package}.log"
     log.unlink(missing_ok=True)
-    run_logged("colcon", command, log, progress, env)
+    with tempfile.TemporaryDirectory() as env[parsed_idl.FOLDER]:
+        run_logged("colcon", command, log, progress, env)
     if not (INSTALL / package).is_dir():  # colcon ends well also where it found no such package
         raise StepFailed(f"colcon did not find {package}; see {os.path.relpath(log)}")
 

@@ -8,10 +8,13 @@ import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+import parsed_idl
 import prerequisites
 import ros_wheels
 import shebangs
@@ -124,6 +127,60 @@ def test_a_file_shared_with_the_installers_cache_is_not_written_to(tmp_path: Pat
 
 
 CODE = "import sys\nprint(sys.executable, sys.argv[1:])\n"
+
+
+def test_the_parser_of_interface_files_is_told_once_to_keep_what_it_has_parsed(
+    tmp_path: Path,
+) -> None:
+    parser = tmp_path / "rosidl_parser/parser.py"
+    parser.parent.mkdir()
+    (parser.parent / "__init__.py").touch()
+    parser.write_text("def parse_idl_file(locator):\n    return locator.upper()\n")
+    for _ in range(2):
+        ros_wheels.parse_once(tmp_path)
+    assert parser.read_text().count("parse_idl_file = ") == 1
+    command = "from rosidl_parser.parser import parse_idl_file; print(parse_idl_file('a'))"
+    assert python("-c", command, PYTHONPATH=str(tmp_path)) == "A\n"
+
+
+class Located(NamedTuple):
+    """What names an interface file to the parser."""
+
+    path: Path
+
+    def get_absolute_path(self) -> Path:
+        """Return the path."""
+        return self.path
+
+
+@pytest.fixture
+def parses(tmp_path: Path) -> tuple[Callable[[], str], Path, list[str]]:
+    """Return what parses a file as each generator does, the file, and what was parsed."""
+    file, parsed = tmp_path / "A.idl", []
+
+    def parse(locator: Located) -> str:
+        parsed.append(locator.path.read_text())
+        return parsed[-1].upper()
+
+    file.write_text("one")
+    return lambda: parsed_idl.parsed_once(parse)(Located(file)), file, parsed
+
+
+def test_what_one_generator_has_parsed_no_other_parses(
+    parses: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parse, file, parsed = parses
+    monkeypatch.setenv(parsed_idl.FOLDER, str(tmp_path))
+    assert [parse(), parse()] == ["ONE", "ONE"]
+    file.write_text("another")
+    assert [parse(), parse()] == ["ANOTHER", "ANOTHER"]
+    assert parsed == ["one", "another"]
+
+
+def test_without_a_folder_each_generator_parses(parses: tuple) -> None:
+    parse, _, parsed = parses
+    assert [parse(), parse()] == ["ONE", "ONE"]
+    assert parsed == ["one", "one"]
 
 
 @pytest.fixture(params=["a b", "x ü", "n" * 140])
