@@ -34,6 +34,8 @@ def main() -> int:
         env = {**os.environ, **isolation.variables(domain), leftovers.MARK: mark}
         # Plugins by name only: a sourced ROS brings some that do not fit this pytest.
         env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+        # Each worker and each of the processes that tests start would compile its sources anew.
+        env.pop("PYTHONDONTWRITEBYTECODE", None)
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
             code = run(chosen(sys.argv[1:]), env)
         clean = clean_up(watch)

@@ -22,6 +22,13 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.nodes.support.node import Node
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_garbage_of_earlier_modules():
+    """Collect it, and let the garbage collector pass over what stays: `make_node` has it work."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture
 def make_node(monkeypatch):
     """Return `make_node(name, *ros_args)`: the node, declared but not configured."""
