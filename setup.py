@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = "screw_module_ros"
 PROGRAMS = (  # what they are: screw_module_ros/programs.py
-    "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "manus",
+    "encoder", "force_sensor", "impedance_controller", "amplifier", "module", "whole", "manus",
     "endpoint_state", "supervisor", "session_recorder", "therapy_session", "web_bridge", "sim_rig",
     "bringup", "robot_description", "characterize", "demo", "therapy",
     "check_hardware", "session", "reproduce", "study",
@@ -19,7 +19,7 @@ ROBOT = [
     "rosbags", "xacro", "zstandard",
 ]  # fmt: skip
 THERAPY = [*ROBOT, "aiohttp", "jinja2", "matplotlib", "scipy"]
-SIMULATION = [*THERAPY, "numba"]
+SIMULATION = [*THERAPY, "greenlet", "numba"]
 EXPERIMENTS = [*SIMULATION, "markdown-it-py"]
 EXECUTABLES = [f"{program} = {NAME}.programs:{program}" for program in PROGRAMS]
 

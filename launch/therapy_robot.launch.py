@@ -11,7 +11,7 @@ NAME = "therapy_robot.launch.py"
 with importing(NAME):
     from screw_module_ros.domain import domain_id
     from screw_module_ros.graph import PACKAGE
-    from screw_module_ros.nodes.bringup import OLD_WORD, plan
+    from screw_module_ros.nodes.bringup import OLD_WORD, own_words, plan, shared_process
     from screw_module_ros.nodes.robot_description import robot_description
     from screw_module_ros.nodes.support.place import keep_to_this_machine, open_to_network
     from screw_module_ros.resources import resource_path
@@ -40,6 +40,8 @@ ARGUMENTS = (
     _argument("hardware", "false", "The real robot, no sim_rig."),
     _argument("composed", "false",
               "One process `module` for encoder, force sensor, controller and amplifier."),
+    _argument("one_process", "false",
+              "One process `whole` with all nodes: simulated time passes several times as fast."),
     _argument("wall_clock", "false", "The simulated rig runs in real time."),
     _argument("params", "", "Parameter file, in place of the packaged one."),
     _argument("devices", "", "Makes of the devices, by comma (params/devices)."),
@@ -58,9 +60,9 @@ def nodes(context):
         print(f"{NAME}: bench:= {OLD_WORD.format('hardware:=true')}", file=sys.stderr)
         raise SystemExit(2)
     value = {a.name: LaunchConfiguration(a.name).perform(context).strip() for a in ARGUMENTS}
-    hardware, composed, wall_clock, network, rviz = (
+    hardware, composed, one_process, wall_clock, network, rviz = (
         _is_true(name, value[name])
-        for name in ("hardware", "composed", "wall_clock", "network", "rviz")
+        for name in ("hardware", "composed", "one_process", "wall_clock", "network", "rviz")
     )
     planned = plan(
         simulation=not hardware,
@@ -69,7 +71,7 @@ def nodes(context):
         patient=value["patient"],
         namespace=value["namespace"],
         without=[name.strip() for name in value["without"].split(",") if name.strip()],
-        composed=composed,
+        shared=shared_process(composed, one_process),
         wall_clock=wall_clock,
     )
     told = [*planned.warnings, *_unknown(context)]
@@ -83,6 +85,7 @@ def nodes(context):
             executable=entry.executable,
             exec_name=entry.executable,
             namespace=planned.namespace,
+            arguments=own_words(entry),
             ros_arguments=planned.arguments(entry),
             additional_env=changed,
             prefix=prefix or _UNTIL_IT_LISTENS,

@@ -8,9 +8,11 @@ guards work with any of them.
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from types import MappingProxyType
 from typing import Any, Protocol
 
 _POLL_NS = 1_000_000
@@ -40,10 +42,12 @@ class Clock:
     """Interface of a clock; times in ns, comparable within one robot.
 
     simulated: time advances in steps and may be slower than real time. work_ns: processor time that
-    the calling thread has used [ns], None where time stands still meanwhile.
+    the calling thread has used [ns], None where time stands still meanwhile. buses: channel -> hub,
+    of those that are served in this process.
     """
 
     simulated = False
+    buses: Mapping[str, Any] = MappingProxyType({})
     work_ns: Callable[[], int] | None = None
 
     def now_ns(self) -> int:
@@ -78,6 +82,15 @@ class Clock:
 
     def idle(self) -> None:
         """Tell that this thread has nothing to do with time from here on."""
+
+    def rest(self, ended: threading.Event, seconds: float) -> None:
+        """Wait by wall clock until `ended` is set, for `seconds` at most, without holding time."""
+        self.idle()
+        ended.wait(seconds)
+
+    def acquire(self, lock: threading.Lock) -> None:
+        """Take a lock, also one that another thread may hold in a wait for time."""
+        lock.acquire()
 
     def leave(self) -> None:
         """Tell that this thread has ended."""

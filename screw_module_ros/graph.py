@@ -84,10 +84,23 @@ GRAPH = (
     Entry("session_recorder"),
 )
 
-COMPOSED = Entry(
+MODULE = Entry(
     "module", core=0, parts=("encoder", "force_sensor", "impedance_controller", "amplifier")
 )
-"""One process with one hot loop, instead of its four parts."""
+"""The vertical axis in one process with one hot loop, instead of its four parts."""
+
+WHOLE = Entry(
+    "whole", simulation=True,
+    parts=("sim_rig", "supervisor", *MODULE.parts, "manus", "endpoint_state", "session_recorder"),
+)  # fmt: skip
+"""The simulated robot in one process, instead of all others."""
+
+ONE_PROCESS_SIMULATES = (
+    "the whole robot in one process is for simulated time alone, with hardware or by wall clock "
+    "each loop would wait for the others: start the nodes apart, or `module` (--composed)"
+)
+_FREE = ("supervisor", "manus", "endpoint_state", "session_recorder")
+"""Nodes that `whole` can do without: they have processes of their own, or do not run."""
 
 BESIDE = ("characterize", "therapy_session", "web_bridge")
 """Nodes that are started by hand beside the graph."""
@@ -195,39 +208,57 @@ def subscribed_by(node: str) -> list[Topic]:
     return [topic for topic in _TOPICS if node in topic.subscribers]
 
 
-def table(composed: bool) -> list[Entry]:
-    """Return the whole graph; composed: with `module` instead of its four parts."""
-    if not composed:
+def together(shared: Entry, apart: Sequence[str]) -> Entry:
+    """Return a shared process without some of its nodes, which stay apart.
+
+    Raises ValueError naming one that it cannot do without, or does not have.
+    """
+    free = [name for name in shared.parts if shared is WHOLE and name in _FREE]
+    for name in apart:
+        if name not in free:
+            can = f"only {', '.join(free)} can" if free else "none of its nodes can"
+            raise ValueError(f"{name} cannot leave the process {shared.executable}: {can}")
+    return shared._replace(parts=tuple(name for name in shared.parts if name not in apart))
+
+
+def table(shared: Entry | None = None) -> list[Entry]:
+    """Return the whole graph; shared: with this process in place of its parts."""
+    if shared is None:
         return list(GRAPH)
-    left = [entry for entry in GRAPH if entry.executable not in COMPOSED.parts]
-    left.insert([entry.executable for entry in GRAPH].index(COMPOSED.parts[0]), COMPOSED)
+    left = [entry for entry in GRAPH if entry.executable not in shared.parts]
+    left.insert([entry.executable for entry in GRAPH].index(shared.parts[0]), shared)
     return left
-
-
-def nodes_of(executable: str) -> tuple[str, ...]:
-    """Return the names of the nodes in an executable."""
-    return COMPOSED.nodes if executable == COMPOSED.executable else (executable,)
 
 
 def chosen(
     simulation: bool,
     only: Sequence[str] = (),
     without: Sequence[str] = (),
-    composed: bool = False,
+    shared: Entry | None = None,
+    apart: Sequence[str] = (),
 ) -> list[Entry]:
     """Return the entries to start, in order.
 
     simulation: with the simulated rig. only: these executables, empty for all. without: not these.
-    composed: `module` instead of its four parts.
-    Raises ValueError naming an executable that is not in the table, or if none is left to start.
+    shared: a process in place of its parts. apart: those of them that keep a process of their own.
+    Raises ValueError naming an executable that is not in the table, or that cannot leave the shared
+    process; if none is left to start; and for a shared rig where there is none.
     """
-    known = [entry.executable for entry in table(composed)]
+    if shared is not None:
+        left = [name for name in without if name in shared.parts]
+        shared = together(shared, [*left, *apart])
+        if shared.simulation and not simulation:
+            raise ValueError(f"{shared.executable}: {ONE_PROCESS_SIMULATES}")
+    elif apart:
+        raise ValueError(f"{apart[0]}: the nodes are apart already")
+    entries = table(shared)
+    known = [entry.executable for entry in entries]
     for name in (*only, *without):
         if name not in known:
             raise ValueError(f"no node {name!r} in the graph; there are {', '.join(known)}")
     found = [
         entry
-        for entry in table(composed)
+        for entry in entries
         if (simulation or not entry.simulation)
         and (not only or entry.executable in only)
         and entry.executable not in without

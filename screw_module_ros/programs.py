@@ -30,6 +30,7 @@ PROGRAMS = {
     "bringup": ("nodes.bringup", "command"),
     "robot_description": ("nodes.robot_description", "command"),
     "module": ("nodes.module", "main"),
+    "whole": ("nodes.whole", "main"),
     "session_recorder": ("nodes.session_recorder", "main"),
     "characterize": ("identification.live.characterize", "main"),
     "check_hardware": ("hardware.command", "command"),
@@ -46,6 +47,7 @@ _BUILD = "colcon build && source install/setup.bash (without ROS: make build)"
 _REMEDIES = {
     _MESSAGES: f"in the workspace, ln -s {_PACKAGE}/msg_defs src/{_MESSAGES} && {_BUILD}",
     _ROS: "source /opt/ros/jazzy/setup.bash (without ROS: make build)",
+    "greenlet": "rosdep does not know it, apt install python3-greenlet (without ROS: make build)",
 }
 _INSTALL = "rosdep install --from-paths src --ignore-src -y (docs/ros.md; without ROS: make build)"
 

@@ -17,14 +17,13 @@ from rclpy.qos import ReliabilityPolicy
 from screw_module_ros.graph import (
     BESIDE,
     BUSES,
-    COMPOSED,
     GRAPH,
+    MODULE,
     PATIENTS,
     TOPICS,
     Topic,
     chosen,
     interface_class,
-    nodes_of,
     subscribed_by,
     table,
 )
@@ -43,38 +42,32 @@ KNOWS_ALL = "session_recorder"  # hears every topic
 def test_composed_has_the_same_nodes_in_the_same_order():
     """Four executables become one; no node comes or goes."""
     apart = [entry.executable for entry in GRAPH]
-    composed = table(composed=True)
+    composed = table(shared=MODULE)
     assert sorted(node for entry in composed for node in entry.nodes) == sorted(apart)
     started = [entry.executable for entry in composed]
     assert len(started) == len(apart) - 3
     left = [name for name in started if name != "module"]
-    assert left == [name for name in apart if name not in COMPOSED.parts]
+    assert left == [name for name in apart if name not in MODULE.parts]
     assert started.index("supervisor") < started.index("module") < started.index("manus")
 
 
 def test_what_is_in_the_module_cannot_be_started_beside_it():
     """A name of the other table is refused, and the sentence says what there is."""
     with pytest.raises(ValueError, match="no node 'encoder' in the graph; there are .*module"):
-        chosen(True, only=["encoder"], composed=True)
+        chosen(True, only=["encoder"], shared=MODULE)
     with pytest.raises(ValueError, match="no node 'module'"):
         chosen(True, only=["module"])
-    (entry,) = chosen(False, only=["module"], composed=True)
-    assert entry == COMPOSED
-    assert "sim_rig" not in [entry.executable for entry in chosen(False, composed=True)]
+    (entry,) = chosen(False, only=["module"], shared=MODULE)
+    assert entry == MODULE
+    assert "sim_rig" not in [entry.executable for entry in chosen(False, shared=MODULE)]
 
 
 def test_all_parts_of_the_module_share_its_core():
     """One process has one set of cores, whichever part is asked."""
-    words = placement(2, composed=True)
-    cores = {word for word in words if word.split(":realtime")[0] in COMPOSED.parts}
-    assert cores == {f"{part}:realtime.cores:=[0]" for part in COMPOSED.parts}
-    assert placement(4, composed=True) == []
-
-
-def test_nodes_of_an_executable():
-    """One each, but for the module."""
-    assert nodes_of("manus") == ("manus",)
-    assert nodes_of("module") == COMPOSED.parts
+    words = placement(2, shared=MODULE)
+    cores = {word for word in words if word.split(":realtime")[0] in MODULE.parts}
+    assert cores == {f"{part}:realtime.cores:=[0]" for part in MODULE.parts}
+    assert placement(4, shared=MODULE) == []
 
 
 # What lists nodes or topics elsewhere -----------------------------------------------------------
@@ -156,7 +149,7 @@ def test_setup_installs_every_node():
     tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
     words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
     installed = {str(word).partition(" = ")[0] for word in words}
-    assert installed >= {*NODES, COMPOSED.executable, *BESIDE}
+    assert installed >= {*NODES, MODULE.executable, *BESIDE}
 
 
 def test_the_page_of_nodes_lists_nodes_and_topics():

@@ -245,10 +245,11 @@ def measure(cut: str, rate: int, seconds: float, page: bool = False) -> Figures:
     RobotError if the graph does not start or a node ends, Interrupted after Ctrl-C.
     """
     load = os.getloadavg()[0]
-    extra = [word for node in topics.COMPOSED.parts
+    extra = [word for node in topics.MODULE.parts
              for word in ("-p", f"{node}:rate:={float(rate)}")]  # fmt: skip
     extra.append("--disable-stdout-logs")
-    nodes = GraphRun(extra=extra, composed=cut == COMPOSED, wall_clock=True)
+    shared = topics.MODULE if cut == COMPOSED else None
+    nodes = GraphRun(extra=extra, shared=shared, wall_clock=True)
     port = free_port()
 
     def beside(graph: GraphRun) -> None:
@@ -366,7 +367,7 @@ def steps(cut: str, recorder: bool, seconds: float) -> Figures:
         extra = [*recordings_in(Path(folder)), "-p", "sim_rig:speed:=0.0"]
         nodes = GraphRun(
             extra=[*extra, "--disable-stdout-logs"],
-            composed=cut == COMPOSED,
+            shared=topics.MODULE if cut == COMPOSED else None,
             without=() if recorder else (_RECORDER,),
         )
         robot, run = stack.enter_context(running("bench", quiet, nodes))

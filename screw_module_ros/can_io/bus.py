@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import can
@@ -73,7 +74,7 @@ def open_bus(
             "other set use_sim_time to false"
         )
     try:
-        return _opened(settings, hub)
+        return _opened(settings, clock, hub)
     except Exception as error:  # each backend raises what its vendor's library does
         raise BusError(_cannot_open(settings, error)) from error
 
@@ -96,13 +97,17 @@ def where(settings: BusSettings) -> str:
     return f"{name}:{settings.port}" if settings.interface == "udp_multicast" else name
 
 
-def _opened(settings: BusSettings, hub: Callable[[str], can.BusABC] | None) -> can.BusABC:
+def _opened(
+    settings: BusSettings, clock: Clock | None, hub: Callable[[str], can.BusABC] | None
+) -> can.BusABC:
     interface, channel, fd = settings.interface, settings.channel, settings.fd
     if interface == RIG:
         if settings.port != _UDP_PORT:
             raise ValueError("simulated buses have names (can.channel): remove can.port")
         if hub is not None:
             return hub(channel)
+        if clock is not None and channel in clock.buses:
+            return clock.buses[channel].join(partial(clock.buses.get, channel))
     if interface == "udp_multicast":
         return MulticastBus(channel=channel, port=settings.port, hop_limit=0, fd=fd)
     simulated = interface in SIMULATED_INTERFACES

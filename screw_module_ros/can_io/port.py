@@ -119,9 +119,13 @@ class Port:
         Returns the number of frames, own echoes not counted. Raises BusError when the bus failed.
         """
         self._loop_waits = True
-        with self._reading:
+        if not self._reading.acquire(blocking=False):
+            self.clock.acquire(self._reading)
+        try:
             self._loop_waits = False
             handled = self._pump(until_ns)
+        finally:
+            self._reading.release()
         self._pumped_ns = self.clock.now_ns()
         return handled
 

@@ -56,7 +56,7 @@ def sections(
 ) -> list[Finding]:
     """Return what does not fit together: the sections of a parameter file and the nodes."""
     todo = "see the section's name, and --namespace"
-    robot = [node for entry in graph.table(composed=False) for node in entry.nodes]
+    robot = [node for entry in graph.table() for node in entry.nodes]
     unread = parameter_files.unread_sections(path, [*robot, *graph.BESIDE], namespace)
     without = "write the section /**/{0}:, give --namespace, or leave it out: --without {0}"
     return [

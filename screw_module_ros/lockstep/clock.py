@@ -26,9 +26,11 @@ class SimulatedClock(Clock):
 
     name: of this process in the conductor's messages. stopping: returns whether the process shall
     end; with it the main thread waits for time without limit. None: every wait has a limit.
+    rounds: the loops of the process, where its main thread runs them all.
     """
 
     simulated = True
+    rounds: Any = None
 
     def __init__(self, page: Page, name: str, stopping: Callable[[], bool] | None = None):
         self.page = page
@@ -70,7 +72,7 @@ class SimulatedClock(Clock):
     def arrivals(self, frames: Any) -> Arrivals:
         """Return the arrivals of a bus that counts its members' frames."""
         counts = hasattr(frames, "frames_counted")
-        return (_CountedArrivals if counts else PlainArrivals)(self, frames)
+        return (CountedArrivals if counts else PlainArrivals)(self, frames)
 
     def publisher(self, topic: str) -> End:
         """Return the publishing end of a topic (full name)."""
@@ -119,7 +121,7 @@ class SimulatedClock(Clock):
                 self.page.close()
 
 
-class _CountedArrivals:
+class CountedArrivals:
     """Arrivals of a bus whose frames hold simulated time until they are read."""
 
     def __init__(self, clock: SimulatedClock, bus: Any):
@@ -127,7 +129,6 @@ class _CountedArrivals:
         self._end = End(clock.page, f"bus {bus.channel_info}", sends=True, follows=True)
         bus.counted = True
         self._read = bus.frames_counted
-        self.close = self._end.close
 
     def receive(self, until_ns: int) -> Any:
         """Return the next frame; wait for it until `until_ns`, None without one."""
@@ -154,6 +155,10 @@ class _CountedArrivals:
         """Count a frame that the bus has accepted: one that is counted is there to be read."""
         self._end.count()
         self._end.announce()
+
+    def close(self) -> None:
+        """Return the row."""
+        self._end.close()
 
 
 class _CountedServing(Serving):
@@ -228,6 +233,15 @@ _opened: dict[str, SimulatedClock] = {}
 _opening = threading.Lock()
 
 
+_kind: type[SimulatedClock] = SimulatedClock
+
+
+def use(kind: type[SimulatedClock]) -> None:
+    """Let the clocks that this process opens from now on be of a kind."""
+    global _kind
+    _kind = kind
+
+
 def simulated_clock(
     name: str, namespace: str, stopping: Callable[[], bool] | None = None
 ) -> SimulatedClock:
@@ -238,7 +252,7 @@ def simulated_clock(
     found = page_name(str(domain_id()), namespace)
     with _opening:
         if found not in _opened:
-            _opened[found] = SimulatedClock(Page(found), name, stopping)
+            _opened[found] = _kind(Page(found), name, stopping)
         clock = _opened[found]
         clock._users += 1
         return clock

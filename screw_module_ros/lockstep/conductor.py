@@ -90,12 +90,14 @@ class Conductor:
     def _in_transit(self) -> Iterator[int]:
         """Yield the ends that time waits for: something is in transit, and a thread waits there.
 
-        This process takes whatever is sent to it.
+        This process takes whatever is sent to it on a bus. Its loops, where it has any, take from a
+        topic at their next tick.
         """
         page, own = self._page, self._page.conductor
         follows, waiter, taken, sent = page.follows, page.waiter, page.taken, page.sent
+        sends = page.sends
         for end, senders in self._ends:
-            if follows[end] and (waiter[end] >= 0 or page.end_pid[end] == own):
+            if follows[end] and (waiter[end] >= 0 or sends[end] and page.end_pid[end] == own):
                 total = 0
                 for sender in senders:
                     total += sent[sender]
@@ -184,7 +186,7 @@ class Conductor:
         page = self._page
         holding = {page.thread_pid[thread] for thread in self._busy_threads()}
         holding |= {page.end_pid[end] for end in self._in_transit()}
-        return any(works(pid) for pid in holding - {0, os.getpid()})
+        return any(works(pid) for pid in holding - {0})
 
     def _busy_threads(self) -> list[int]:
         page, now_ns = self._page, self._page.now_ns

@@ -5,13 +5,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from ..clock import TimeStandsStill
-from .end import End
 from .page import BUSY, FOREVER, NOBODY, NOW, THREADS, TOP, Page
 
 _SLICE_S = 0.05
 """Longest sleep of a waiting thread: the cost of a missed wake-up."""
+
+
+class Awaited(Protocol):
+    """The end of a channel at which a thread waits (`End`). row: of it in the page."""
+
+    row: int
+
+    @property
+    def pending(self) -> bool:
+        """Whether something was sent and has not been taken."""
 
 
 class Member:
@@ -52,7 +62,7 @@ class Member:
             self._page.thread_pid[self.row] = 0
             self._page.changed()
 
-    def wait(self, until_ns: int, ends: Sequence[End] = ()) -> None:
+    def wait(self, until_ns: int, ends: Sequence[Awaited] = ()) -> None:
         """Wait until `until_ns`, or until something is in transit to one of `ends`.
 
         Raises TimeStandsStill.

@@ -35,8 +35,8 @@ _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
 _WORD = 8
 
 _HEADER = ("version", "now", "conductor", "roster", "wake", "asleep", "factor", "top")
-NOW, TOP = _HEADER.index("now"), _HEADER.index("top")
-"""Words of the header that each wait reads."""
+NOW, TOP, ROSTER = (_HEADER.index(word) for word in ("now", "top", "roster"))
+"""Words of the header that each wait reads, and each message."""
 _TABLES = {
     "user_pid": USERS,
     "thread_pid": THREADS, "until": THREADS, "waits": THREADS, "wake": THREADS, "asleep": THREADS,
@@ -168,7 +168,7 @@ class Page:
     @property
     def roster(self) -> int:
         """Changes whenever a row is taken or returned."""
-        return self.header[3]
+        return self.header[ROSTER]
 
     @property
     def top(self) -> int:
@@ -208,7 +208,7 @@ class Page:
 
     def changed(self) -> None:
         """Notify everybody that the roster has changed."""
-        self.header[3] += 1
+        self.header[ROSTER] += 1
 
     def name(self, thread: int) -> str:
         """Return the name of the thread in a row."""
@@ -330,10 +330,11 @@ def alive(pid: int) -> bool:
 
 
 def works(pid: int) -> bool:
-    """Return whether a thread of the process runs or waits for a core or a disk."""
+    """Return whether another thread of the process runs or waits for a core or a disk."""
+    own = str(threading.get_native_id())
     for task in Path(f"/proc/{pid}/task").glob("*"):
         with suppress(OSError, IndexError):
-            if _state(task) in "RD":
+            if task.name != own and _state(task) in "RD":
                 return True
     return False
 

@@ -22,13 +22,22 @@ import click
 
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.domain import domain_id, end_without_domain
-from screw_module_ros.graph import BESIDE, PATIENTS, Entry, chosen, table
+from screw_module_ros.graph import (
+    BESIDE,
+    MODULE,
+    ONE_PROCESS_SIMULATES,
+    PATIENTS,
+    WHOLE,
+    Entry,
+    chosen,
+    table,
+)
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.parameter_files import above, unread_sections
 from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, by_kind
 from screw_module_ros.resources import resource_path
 
-from .support.arguments import NETWORK, arguments
+from .support.arguments import NETWORK, PARTS, arguments
 from .support.place import keep_to_this_machine, open_to_network
 from .support.runtime import DUMP_STACKS, stop_on_signals
 
@@ -68,6 +77,12 @@ class Plan(NamedTuple):
         return [*self.common, "--enclave", f"{ENCLAVES}/{entry.executable}"]
 
 
+def own_words(entry: Entry) -> list[str]:
+    """Return the arguments of an executable that are not for ROS: the nodes that it has."""
+    chosen = entry.executable == WHOLE.executable and entry.parts != WHOLE.parts
+    return [PARTS, ",".join(entry.parts)] if chosen else []
+
+
 def plan(
     simulation: bool = True,
     params: str | None = None,
@@ -75,7 +90,8 @@ def plan(
     only: Sequence[str] = (),
     without: Sequence[str] = (),
     extra: Sequence[str] = (),
-    composed: bool = False,
+    shared: Entry | None = None,
+    apart: Sequence[str] = (),
     wall_clock: bool = False,
     devices: str = "",
     patient: str | None = None,
@@ -83,8 +99,9 @@ def plan(
     """Return the plan that starts the robot.
 
     simulation: with the simulated rig. params: a file that replaces the packaged one. only,
-    without: names of the table. extra: arguments for every node. composed: `module` replaces its
-    four parts. wall_clock: the simulated rig runs in real time. devices: profiles of the devices,
+    without: names of the table. extra: arguments for every node. shared: `graph.MODULE` or
+    `graph.WHOLE`, a process in place of its parts; apart: those of them that keep their own.
+    wall_clock: the simulated rig runs in real time. devices: profiles of the devices,
     by comma (`profiles.NAMES`, or paths). patient: who holds the simulated handle, one of
     `graph.PATIENTS`.
 
@@ -94,18 +111,31 @@ def plan(
     default = SIMULATION_PARAMETERS if simulation else HARDWARE_PARAMETERS
     path = params or str(resource_path(default))
     within = above(namespace)
-    known = [node for entry in table(composed) for node in entry.nodes]
+    entries = chosen(simulation, only, without, shared, apart)
+    if wall_clock and any(entry.executable == WHOLE.executable for entry in entries):
+        raise ValueError(f"{WHOLE.executable}: {ONE_PROCESS_SIMULATES}")
+    known = [node for entry in table() for node in entry.nodes]
     words = ["--params-file", path, *device_arguments(devices, simulation)]
     if simulation:
-        words += simulated_arguments(composed, wall_clock)
+        words += simulated_arguments(shared, wall_clock)
     if patient:
         words += _held_by(patient, simulation)
     return Plan(
-        chosen(simulation, only, without, composed),
+        entries,
         [*words, *extra],
         within,
         unread_sections(path, [*known, *BESIDE], within),
     )
+
+
+def shared_process(composed: bool, one_process: bool) -> Entry | None:
+    """Return the process that the words --composed or --one-process ask for, None for neither.
+
+    Raises ValueError for both.
+    """
+    if composed and one_process:
+        raise ValueError("--composed and --one-process: one of them")
+    return MODULE if composed else WHOLE if one_process else None
 
 
 def _held_by(patient: str, simulation: bool) -> list[str]:
@@ -140,7 +170,7 @@ def checked_values(values: Sequence[str]) -> list[str]:
 
     Raises ValueError for a rule of another form, or with an unknown node.
     """
-    known = {node for composed in (False, True) for e in table(composed) for node in e.nodes}
+    known = {node for entry in table() for node in entry.nodes}
     for value in values:
         rules = arguments(["--ros-args", "-p", value]).rules
         if not rules:
@@ -152,16 +182,16 @@ def checked_values(values: Sequence[str]) -> list[str]:
     return list(values)
 
 
-def simulated_arguments(composed: bool = False, wall_clock: bool = False) -> list[str]:
+def simulated_arguments(shared: Entry | None = None, wall_clock: bool = False) -> list[str]:
     """Return the --ros-args of a robot with the simulated rig."""
-    latency = COMPOSED_LATENCY if composed else SEPARATE_LATENCY
+    latency = COMPOSED_LATENCY if shared else SEPARATE_LATENCY
     words = ["-p", f"sim_rig:devices.command_latency:={latency}"]
     if wall_clock:
-        words += ["-p", "use_sim_time:=false", *placement(len(os.sched_getaffinity(0)), composed)]
+        words += ["-p", "use_sim_time:=false", *placement(len(os.sched_getaffinity(0)), shared)]
     return words
 
 
-def placement(cores: int, composed: bool = False) -> list[str]:
+def placement(cores: int, shared: Entry | None = None) -> list[str]:
     """Return the --ros-args that adapt a real-time simulation to a machine with `cores` cores.
 
     Two cores are too slow for rig and robot in real time. Then the plane runs at 250 Hz (otherwise
@@ -171,7 +201,7 @@ def placement(cores: int, composed: bool = False) -> list[str]:
     if cores > 2:
         return []
     words = ["-p", f"manus:rate:={PLANE_RATE_ON_TWO_CORES}"]
-    for entry in table(composed):
+    for entry in table(shared):
         if entry.core is not None and entry.core < cores:
             for node in entry.nodes:
                 words += ["-p", f"{node}:realtime.cores:=[{entry.core}]"]
@@ -179,14 +209,21 @@ def placement(cores: int, composed: bool = False) -> list[str]:
 
 
 class Process:
-    """One node's process."""
+    """One process of the graph.
 
-    def __init__(self, name: str, arguments: list[str]):
+    nodes: their names, by default that of the executable. own: arguments before `arguments`.
+    """
+
+    def __init__(
+        self, name: str, arguments: list[str], nodes: Sequence[str] = (), own: Sequence[str] = ()
+    ):
         self.name = name
+        self.nodes = nodes or (name,)
+        self.own = own
         self.arguments = arguments
         # Its own session: Ctrl-C reaches only bringup, which then stops the nodes in order.
         self._process = subprocess.Popen(
-            [executable_path(name), *arguments],
+            [executable_path(name), *own, *arguments],
             start_new_session=True,
             preexec_fn=_end_with_parent,
         )
@@ -198,7 +235,7 @@ class Process:
 
     def again(self) -> Process:
         """Return a new process of the same node with the same arguments."""
-        return Process(self.name, self.arguments)
+        return Process(self.name, self.arguments, self.nodes, self.own)
 
     def exit_code(self) -> int | None:
         """Return the exit code, None while it runs."""
@@ -257,7 +294,10 @@ def start(simulation: bool = True, params: str | None = None, **wishes: Any) -> 
         click.echo(f"bringup: {sentence}", err=True)
     placed = ["-r", f"__ns:={planned.namespace}"] if planned.namespace else []
     return [
-        Process(entry.executable, ["--ros-args", *planned.arguments(entry), *placed])
+        Process(
+            entry.executable, ["--ros-args", *planned.arguments(entry), *placed], entry.nodes,
+            own_words(entry),
+        )
         for entry in planned.entries
     ]
 
@@ -289,6 +329,14 @@ def _old_word(context: click.Context, option: click.Parameter, given: bool) -> N
     "--composed", is_flag=True,
     help="One process `module` in place of encoder, force_sensor, impedance_controller, amplifier.",
 )
+@click.option(
+    "--one-process", is_flag=True,
+    help="One process `whole` with all nodes: simulated time passes several times as fast.",
+)
+@click.option(
+    "--apart", multiple=True, metavar="NODE",
+    help="With --one-process: this node keeps its own process (repeat for more).",
+)
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option(
@@ -307,7 +355,10 @@ def _old_word(context: click.Context, option: click.Parameter, given: bool) -> N
     help="Set a parameter, in place of the file's value (repeat for more).",
 )
 @network_option
-def command(hardware: bool, network: bool, values: tuple[str, ...], **wishes: Any) -> None:
+def command(
+    hardware: bool, network: bool, values: tuple[str, ...], composed: bool, one_process: bool,
+    **wishes: Any,
+) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     end_without_domain("bringup")
     stopping = threading.Event()
@@ -317,7 +368,8 @@ def command(hardware: bool, network: bool, values: tuple[str, ...], **wishes: An
         reach = open_to_network() if network else keep_to_this_machine()
         if reach:
             click.echo(f"bringup: {reach}", err=True)
-        processes = start(not hardware, extra=extra, **wishes)
+        shared = shared_process(composed, one_process)
+        processes = start(not hardware, extra=extra, shared=shared, **wishes)
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
     codes = _watch(processes, stopping)

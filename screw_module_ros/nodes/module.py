@@ -13,6 +13,7 @@ torque.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -35,8 +36,8 @@ from .support.threads import run_loop
 _BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
-def run(nodes: list[Any]) -> None:
-    """Run the hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
+def chain_of(nodes: list[Any]) -> Callable[[list[Node]], None]:
+    """Return the step of encoder, force sensor, controller and amplifier, for the active ones."""
     encoder, force_sensor, controller, amplifier = nodes
     wires = Wires(
         take_command=amplifier.take_command,
@@ -54,7 +55,7 @@ def run(nodes: list[Any]) -> None:
     def step(active: list[Node]) -> None:
         loop.step(Roles(*(node.role if node in active else None for node in nodes)))
 
-    run_loop(nodes, step)
+    return step
 
 
 def make_nodes() -> list[Node]:
@@ -80,4 +81,4 @@ def _keep_rate(parameters: list[Parameter]) -> SetParametersResult:
 
 def main() -> int:
     """Console entry point."""
-    return run_together("module", make_nodes, run)
+    return run_together("module", make_nodes, lambda nodes: run_loop(nodes, chain_of(nodes)))

@@ -12,10 +12,9 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -28,7 +27,11 @@ from screw_module_ros.recording.definitions import UNKNOWN, DefinitionError, Def
 from screw_module_ros.recording.recorder import Recording
 
 from .support.inbox import HotGroup, awaited, never, new_wait_set
+from .support.node import Node
 from .support.topics import offered
+
+if TYPE_CHECKING:  # a recorder in its own process has no topics within it
+    from .support.local_topics import LocalTopics, Queue
 
 LOG = "/rosout"
 _BESIDE = (LOG, "/parameter_events")  # topics of every node, so not in the table of the graph
@@ -41,7 +44,11 @@ _STAMP_AT = 4  # offset of the stamp, after the header of a serialized message
 
 
 class _Tap:
-    """One subscribed topic; channel: in the bag, 0 until it has a publisher."""
+    """One subscribed topic.
+
+    channel: in the bag, 0 until it has a publisher. queue: of a topic that passes within this
+    process, and then it has no subscription.
+    """
 
     def __init__(self, name: str, type_name: str, kind: Any):
         self.name, self.type, self.kind = name, type_name, kind
@@ -51,6 +58,7 @@ class _Tap:
         self.is_stamped = first in _STAMPS
         self.end: End | None = None
         self.subscription: Any = None
+        self.queue: Queue | None = None
 
 
 def _resolved(node: Node, name: str) -> str:
@@ -78,7 +86,8 @@ class Taps:
                 name = node.resolve_topic_name(topic.name.replace("~", topic.publisher))
                 self._extra.pop(name, None)
                 _, _, profile = offered(topic.name)
-                self._try(name, topic.type, profile.reliability, DurabilityPolicy.VOLATILE)
+                local = node.local if node.local and node.local.carries(topic.name) else None
+                self._try(name, topic.type, profile.reliability, DurabilityPolicy.VOLATILE, local)
         self.look()
 
     def look(self) -> None:
@@ -93,11 +102,16 @@ class Taps:
             self._declare(tap)
 
     def _try(
-        self, name: str, kind: str, reliability: ReliabilityPolicy, durability: DurabilityPolicy
-    ) -> None:
+        self, name: str, kind: str, reliability: ReliabilityPolicy, durability: DurabilityPolicy,
+        local: LocalTopics | None = None,
+    ) -> None:  # fmt: skip
         """Subscribe to a topic; one that is not possible must not end the recording of others."""
         try:
             tap = _Tap(name, kind, graph.interface_class(kind))
+            if local is not None:
+                tap.queue = local.read(name, _DEPTH)
+                self._taps = {**self._taps, name: tap}
+                return
             profile = QoSProfile(depth=_DEPTH, reliability=reliability, durability=durability)
             tap.subscription = self._node.create_subscription(
                 tap.kind, name, never, profile, callback_group=self._group, raw=True
@@ -138,7 +152,18 @@ class Taps:
         """Take all waiting messages."""
         taken: list[Message] = []
         for tap in self._taps.values():
-            taken += self._take(tap)
+            taken += self._take(tap) if tap.queue is None else self._take_local(tap, tap.queue)
+        return taken
+
+    def _take_local(self, tap: _Tap, queue: Queue) -> list[Any]:
+        if queue and not tap.channel:
+            self._declare(tap, heard=True)
+        taken = []
+        while queue:
+            _, number, data = queue.popleft()
+            stamp_ns = self._stamp(tap, data)
+            numbered = number if tap.numbered else 0
+            taken.append((tap.channel, stamp_ns, stamp_ns, numbered, data))
         return taken
 
     def _take(self, tap: _Tap) -> list[Any]:
@@ -179,6 +204,10 @@ class Taps:
     def close(self) -> None:
         """Unsubscribe from everything."""
         for tap in self._taps.values():
+            if tap.queue is not None:
+                assert self._node.local is not None
+                self._node.local.leave(tap.name, tap.queue)
+                continue
             self._node.destroy_subscription(tap.subscription)
             if tap.end is not None:
                 tap.end.close()

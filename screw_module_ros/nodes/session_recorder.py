@@ -118,8 +118,7 @@ class SessionRecorder(Node):
     def step(self) -> None:
         """Empty the queues."""
         if self._taps is None:
-            self.clock.idle()  # without a recording this thread does not hold simulated time
-            self.stopping.wait(_POLL_S)
+            self.clock.rest(self.stopping, _POLL_S)  # it holds no simulated time meanwhile
             return
         self._ticker.sleep()
         with self._lock:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import queue
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import can
@@ -103,7 +104,7 @@ class Departure:
 
     Ctrl-C reaches all processes of `ros2 launch` at once. A rig that ends first acts like a power
     failure: nodes cannot disable their drives, simulated time stops, and both cause warnings. The
-    wait begins with the first call of `is_due`.
+    wait begins with the first look.
     """
 
     def __init__(self, page: Page | None):
@@ -113,13 +114,19 @@ class Departure:
         self._frames = -1
         self._changed_ns = 0
 
-    def is_due(self, frames: int) -> bool:
-        """Return whether no node needs the devices any more; frames: number received so far."""
+    @property
+    def is_late(self) -> bool:
+        """Whether the rig has waited for long enough."""
         now_ns = _WALL.now_ns()
         if self._until_ns is None:
             self._until_ns = now_ns + _PATIENCE_NS
-        if now_ns >= self._until_ns:
+        return now_ns >= self._until_ns
+
+    def is_due(self, frames: int) -> bool:
+        """Return whether no node needs the devices any more; frames: number received so far."""
+        if self.is_late:
             return True
+        now_ns = _WALL.now_ns()
         if self._page is not None:
             others = any(pid != os.getpid() and alive(pid) for pid, _ in self._page.buses())
             frames = now_ns if others else -1  # time may stand between two frames
@@ -143,7 +150,9 @@ class SimRigNode(Node):
         self._slipped = 0
         self._has_told_of_loss = False
         self._truth = at_base(SimTruth)
-        self._page = self.clock.page if isinstance(self.clock, SimulatedClock) else None
+        simulated = self.clock if isinstance(self.clock, SimulatedClock) else None
+        self._page = simulated.page if simulated else None
+        self._rounds = simulated.rounds if simulated else None
         self._time: Conductor | None = None
         self._departure = Departure(self._page)
         self._slowness = Slowness()
@@ -180,14 +189,32 @@ class SimRigNode(Node):
             self._publish_clock = self.outlet(*offered(graph.CLOCK))
             self._time = Conductor(self._page, settings.speed, self.get_logger().warning)
             self.opened.callback(self._time.close)
+            self._lead(self._time)
 
     def _open(self, settings: BusSettings) -> can.BusABC:
         settings = within(settings, self.get_namespace())
         if settings not in self._buses:
             self.opened.callback(lock_simulation(where(settings)).release)
-            self._buses[settings] = open_bus(settings, self.clock, RigHub)
+            self._buses[settings] = open_bus(settings, self.clock, self._new_hub)
             self.opened.callback(self._buses[settings].shutdown)
         return self._buses[settings]
+
+    def _new_hub(self, channel: str) -> RigHub:
+        """Return the rig's end of a bus, which the nodes of this process join by calls."""
+        hub = RigHub(channel)
+        if isinstance(buses := self.clock.buses, dict):
+            buses[channel] = hub
+            self.opened.callback(lambda: buses.pop(channel))
+        return hub
+
+    def _lead(self, conductor: Conductor) -> None:
+        """Move the time for the waits of this process's main thread."""
+        rig, rounds = self._rig, self._rounds
+        if rounds is None:
+            return
+        rounds.serve = lambda: rig.serve_expected(conductor.now_ns)
+        rounds.turn = partial(rig.turn, conductor, self._publish_due, rounds)
+        self.opened.callback(rounds.stand_still)
 
     def changed(self, kind: type) -> None:
         """Apply a new speed."""
@@ -202,14 +229,18 @@ class SimRigNode(Node):
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""
         if self._time is not None:
-            self._rig.run_in_steps(self._time, self._is_over, self._publish_due)
+            self._rig.run_in_steps(self._time, self._is_over, self._publish_due, self._rounds)
         else:
             self._rig.run(self._look_up)
 
     def _is_over(self) -> bool:
         if not self.active:
             return True
-        return self.stopping.is_set() and self._departure.is_due(self._rig.counters.frames_in)
+        if not self.stopping.is_set():
+            return False
+        if self._rounds is not None:  # until then it serves what they do at their end
+            return self._rounds.ended or self._departure.is_late
+        return self._departure.is_due(self._rig.counters.frames_in)
 
     def _look_up(self) -> bool:
         """Publish what is due, between two frames; return whether to stop serving."""

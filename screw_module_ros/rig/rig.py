@@ -13,12 +13,13 @@ import select
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.lockstep.page import FOREVER
 from screw_module_ros.plant.world import World
 from screw_module_ros.rig.build import BUSES, RigSettings, build_devices
 from screw_module_ros.rig.device import CLEAR, SimulatedDevice
@@ -47,6 +48,18 @@ _LONGEST_UNSEEN_NS = 2_000_000
 _LOOK_S = 0.05
 _PAUSE_S = 0.0002
 """Pause between two passes for interfaces without a file descriptor."""
+
+
+class Loops(Protocol):
+    """The loops of the rig's process (`lockstep.rounds`). earliest_ns: of their waits [ns]."""
+
+    earliest_ns: int
+
+    def run_ready(self, now_ns: int) -> bool:
+        """Run each loop that is ready; return whether any was."""
+
+    def holds(self) -> bool:
+        """Return whether a frame within this process has not been read: time waits for it."""
 
 
 class RigCounters(NamedTuple):
@@ -151,32 +164,46 @@ class Rig:
                 backlog, wake_ns = 0, self._next_wake(now_ns)
 
     def run_in_steps(
-        self, conductor: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None]
+        self, conductor: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None],
+        loops: Loops | None = None,
     ) -> None:
         """Serve the buses and advance simulated time until `should_stop()`.
 
-        stepped: called with each new time [ns], after the devices' timers.
+        stepped: called with each new time [ns], after the devices' timers. loops: those of the same
+        process.
         """
         while not should_stop():
-            conductor.look()
-            now_ns = conductor.now_ns
-            self._serve_requests()
-            self._serve_expected(now_ns)
-            content_ns = conductor.quiet()
-            if content_ns is None:
-                if not conductor.sleep(_LOOK_S):
-                    self._serve_uncounted(now_ns)  # whoever holds time may be joining a bus
-            elif (early_s := conductor.too_early()) > 0.0:
-                conductor.sleep(early_s)
-            else:
-                now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
-                conductor.move(now_ns)
-                self._housekeep(now_ns)
-                self._serve_uncounted(now_ns)
-                stepped(now_ns)
-                conductor.release()
+            self.turn(conductor, stepped, loops)
 
-    def _serve_expected(self, now_ns: int) -> None:
+    def turn(
+        self, conductor: Conductor, stepped: Callable[[int], None], loops: Loops | None = None,
+        until_ns: int = FOREVER,
+    ) -> None:
+        """One pass of `run_in_steps`: something is served, or time moves, to `until_ns` at most."""
+        conductor.look()
+        now_ns = conductor.now_ns
+        if self._requests:
+            self._serve_requests()
+        self.serve_expected(now_ns)
+        if loops is not None:
+            if loops.run_ready(now_ns):
+                return
+            until_ns = min(until_ns, loops.earliest_ns)
+        content_ns = conductor.quiet()
+        if content_ns is None or (loops is not None and loops.holds()):
+            if not conductor.sleep(_LOOK_S):
+                self._serve_uncounted(now_ns)  # whoever holds time may be joining a bus
+        elif (early_s := conductor.too_early()) > 0.0:
+            conductor.sleep(early_s)
+        else:
+            now_ns = min(content_ns, until_ns, (now_ns // self._period_ns + 1) * self._period_ns)
+            conductor.move(now_ns)
+            self._housekeep(now_ns)
+            self._serve_uncounted(now_ns)
+            stepped(now_ns)
+            conductor.release()
+
+    def serve_expected(self, now_ns: int) -> None:
         """Handle the frames of the members of simulated time, one from each bus in turn."""
         while True:
             waiting = [port for port in self._distinct if port.expects()]

@@ -15,14 +15,14 @@ import select
 import socket
 import stat
 import struct
-import time
 from pathlib import Path
 from typing import Any
 
 import can
 
-from ..can_io.frames import ERROR, EXTENDED, EXTENDED_ID, REMOTE, STANDARD_ID, Frame, word_of
+from ..can_io.frames import Frame
 from ..domain import domain_id
+from .local_bus import AWAY, ENDED, FrameBus
 
 WELCOME = b"\0"
 """The first packet to a new member: from now on it gets every frame."""
@@ -30,11 +30,8 @@ UNPLUGGED = b"\1"
 """The last packet to a member whose adapter is pulled: it is dead, also when that is back."""
 _WELCOME_S = 1.0  # wall clock; a rig that holds simulated time looks for new members each 50 ms
 # Identifier and flags, length, padding that carries whether simulated time waits for it, data.
-_FRAME = struct.Struct("=IBB2x8s")
-PACKET_BYTES = _FRAME.size + 1  # one more: longer packets are no frames
-_ON_THE_WIRE = EXTENDED | REMOTE | ERROR | EXTENDED_ID
-_ENDED = "sim_rig has ended"
-_AWAY = "Network is down: the simulated adapter was unplugged"
+FRAME = struct.Struct("=IBB2x8s")
+PACKET_BYTES = FRAME.size + 1  # one more: longer packets are no frames
 _CHANNEL = re.compile(r"(\w+/)*\w+", re.ASCII)
 
 
@@ -56,7 +53,7 @@ def address(channel: str) -> Path:
     return folder / f"{domain_id()}.{channel.replace('/', '.')}"
 
 
-class SimulatedBus(can.BusABC):
+class SimulatedBus(FrameBus):
     """What both ends of a simulated bus share.
 
     counted: simulated time waits for the frames that are sent here. frames_counted: number of
@@ -64,25 +61,13 @@ class SimulatedBus(can.BusABC):
     """
 
     def __init__(self, channel: str, **kwargs: Any):
-        self.channel_info = f"rig {channel}"
         self.counted = False
         self.frames_counted = 0
         super().__init__(channel, **kwargs)
 
-    def packed(self, message: can.Message) -> bytes:
-        """Return the packet of a classical frame; raises CanOperationError for any other."""
-        if message.is_fd:
-            raise can.CanOperationError(f"{self.channel_info} carries no CAN FD frames")
-        can_id = word_of(message) & _ON_THE_WIRE
-        return _FRAME.pack(can_id, message.dlc, self.counted, message.data)
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame, which the rig passes on to all others; raises CanOperationError."""
-        self._send_packet(self.packed(msg))
-
     def send_frame(self, can_id: int, data: bytes) -> None:
-        """Send a plain frame as `send` does."""
-        self._send_packet(_FRAME.pack(can_id, len(data), self.counted, data))
+        """Send a frame, which the rig passes on to all others; raises CanOperationError."""
+        self._send_packet(FRAME.pack(can_id, len(data), self.counted, data))
 
     def receive_frame(self, timeout_s: float | None) -> Frame | None:
         """Return the next frame, None without one within `timeout_s` [s], and count it.
@@ -92,26 +77,9 @@ class SimulatedBus(can.BusABC):
         packet = self._next_packet(timeout_s)
         if packet is None:
             return None
-        word, length, counted, data = _FRAME.unpack(packet)
+        word, length, counted, data = FRAME.unpack(packet)
         self.frames_counted += counted
         return word, data[:length]
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        frame = self.receive_frame(timeout)
-        if frame is None:
-            return None, False
-        word, data = frame
-        extended, remote = bool(word & EXTENDED), bool(word & REMOTE)
-        message = can.Message(
-            timestamp=time.time(),
-            arbitration_id=word & (EXTENDED_ID if extended else STANDARD_ID),
-            is_extended_id=extended,
-            is_remote_frame=remote,
-            is_error_frame=bool(word & ERROR),
-            dlc=len(data),
-            data=None if remote else data,
-        )
-        return message, False
 
     def _send_packet(self, packet: bytes) -> None:
         raise NotImplementedError
@@ -130,7 +98,7 @@ class RigBus(SimulatedBus):
 
     def __init__(self, channel: str, **kwargs: Any):
         self._link: socket.socket | None = None
-        self._told = _ENDED
+        self._told = ENDED
         try:
             self._path = address(channel)
             link = self._join()
@@ -151,7 +119,7 @@ class RigBus(SimulatedBus):
         except BlockingIOError:
             raise can.CanOperationError("transmit buffer full: sim_rig reads nothing") from None
         except OSError:
-            raise can.CanOperationError(_ENDED) from None
+            raise can.CanOperationError(ENDED) from None
 
     def _next_packet(self, timeout_s: float | None) -> bytes | None:
         try:
@@ -173,15 +141,15 @@ class RigBus(SimulatedBus):
         except ConnectionError:
             packet = b""
         if packet == UNPLUGGED:
-            self._told, packet = _AWAY, b""
+            self._told, packet = AWAY, b""
         if not packet:
             self._leave()
             raise ConnectionResetError(self._told)
         return packet
 
     def _join(self) -> socket.socket:
-        if self._told == _AWAY:
-            raise ConnectionResetError(_AWAY)
+        if self._told == AWAY:
+            raise ConnectionResetError(AWAY)
         link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             link.setblocking(False)

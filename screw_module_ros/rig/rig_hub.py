@@ -7,15 +7,15 @@ import select
 import socket
 from contextlib import suppress
 
-import can
-
-from .rig_bus import PACKET_BYTES, UNPLUGGED, WELCOME, SimulatedBus, address
+from ..can_io.frames import Frame
+from .local_bus import LocalBus, LocalHub
+from .rig_bus import FRAME, PACKET_BYTES, UNPLUGGED, WELCOME, SimulatedBus, address
 
 _SEND_BUFFER_BYTES = 4 * 1024 * 1024
 
 
-class RigHub(SimulatedBus):
-    """A simulated bus; as a python-can bus it is the rig's own place on it.
+class RigHub(LocalHub, SimulatedBus):
+    """A simulated bus with members in other processes, and in this one by `join`.
 
     It waits for no member: one that does not read loses frames, as with an adapter whose buffer is
     full, and `lost` counts them. The caller makes sure that one process serves a bus: a socket of
@@ -24,7 +24,6 @@ class RigHub(SimulatedBus):
 
     def __init__(self, channel: str):
         self.lost = 0
-        self._plugged = True
         self._members: dict[int, socket.socket] = {}
         self._path = address(channel)
         self._path.unlink(missing_ok=True)
@@ -36,18 +35,34 @@ class RigHub(SimulatedBus):
         self._ready.register(self._door, select.EPOLLIN)
         super().__init__(channel)
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether the bus has members in other processes."""
+        return bool(self._members)
+
     def plug(self, plugged: bool) -> None:
         """Unplug the adapter of all members, who are dead from then on, or plug it in again."""
-        self._plugged = plugged
+        super().plug(plugged)
         for number, member in () if plugged else list(self._members.items()):
             with suppress(OSError):
                 member.send(UNPLUGGED, socket.MSG_DONTWAIT)
             self._members.pop(number).close()
 
-    def _send_packet(self, packet: bytes) -> None:
-        if not self._plugged:
-            raise can.CanOperationError("nobody is there to acknowledge a frame")
-        self._pass_on(packet, 0)
+    def send_frame(self, can_id: int, data: bytes) -> None:
+        """Send a frame to all members."""
+        super().send_frame(can_id, data)
+        if self._members:
+            self._send_far(FRAME.pack(can_id, len(data), self.counted, data), 0)
+
+    def pass_on(self, sender: LocalBus | None, can_id: int, data: bytes) -> None:
+        """Take a member's frame to all others; sender: None for one of another process."""
+        super().pass_on(sender, can_id, data)
+        if sender is not None and self._members:
+            self._send_far(FRAME.pack(can_id, len(data), False, data), 0)
+
+    def receive_frame(self, timeout_s: float | None) -> Frame | None:
+        """Return the next frame of a member, None without one within `timeout_s` [s]."""
+        return super().receive_frame(timeout_s) or SimulatedBus.receive_frame(self, timeout_s)
 
     def _next_packet(self, timeout_s: float | None) -> bytes | None:
         while ready := self._ready.poll(timeout_s, 1):
@@ -55,7 +70,10 @@ class RigHub(SimulatedBus):
             if number == self._door.fileno():
                 self._admit()
             elif packet := self._read(number):
-                self._pass_on(packet, number)
+                self._send_far(packet, number)
+                if self.near:
+                    word, length, _, data = FRAME.unpack(packet)
+                    self.pass_on(None, word, data[:length])
                 return packet
             timeout_s = 0.0
         return None
@@ -63,7 +81,7 @@ class RigHub(SimulatedBus):
     def _admit(self) -> None:
         with suppress(OSError):  # it has gone again
             member = self._door.accept()[0]
-            if not self._plugged:
+            if not self.plugged:
                 member.send(UNPLUGGED, socket.MSG_DONTWAIT)
                 member.close()
                 return
@@ -83,7 +101,7 @@ class RigHub(SimulatedBus):
         self._members.pop(number).close()
         return b""
 
-    def _pass_on(self, packet: bytes, sender: int) -> None:
+    def _send_far(self, packet: bytes, sender: int) -> None:
         for number, member in self._members.items():
             if number != sender:
                 try:

@@ -41,6 +41,7 @@ from screw_module_ros.recording.counts import Counts
 from screw_module_ros.recording.decoded import columns
 from screw_module_ros.recording.records import notes
 
+from ..nodes.bringup import shared_process
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
 from ..terminal import Console, output_option
@@ -195,12 +196,14 @@ class Results(NamedTuple):
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
 @click.option("--composed", is_flag=True, help="Encoder to amplifier in one process.")
+@click.option("--one-process", is_flag=True, help="All nodes in one process: the quickest.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--devices", default="", metavar="NAME,...", help="Makes of the simulated devices.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
 def demo(
     console: Console, folder: Path, long: bool, keep_bag: bool, params: str | None,
-    node_logs: bool, composed: bool, wall_clock: bool, devices: str, strict: bool,
+    node_logs: bool, composed: bool, one_process: bool, wall_clock: bool, devices: str,
+    strict: bool,
 ) -> bool:  # fmt: skip
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
     begun = time.monotonic()
@@ -209,8 +212,9 @@ def demo(
     extra += ["-p", "sim_rig:speed:=0.0"]  # as fast as this machine can
     extra += [] if node_logs else ["--disable-stdout-logs"]
     nodes = GraphRun(
-        params, extra=extra, composed=composed, wall_clock=wall_clock, devices=devices
-    )
+        params, extra=extra, shared=shared_process(composed, one_process), wall_clock=wall_clock,
+        devices=devices,
+    )  # fmt: skip
     with running("demo", console, nodes) as (robot, _):
         make_ready(robot, console)
         bag = robot.start_recording()

@@ -4,7 +4,7 @@
     @command("demo")
     @click.option("--quick", is_flag=True)
     def demo(console, quick):
-        with running("demo", console, GraphRun(composed=True)) as (robot, graph):
+        with running("demo", console, GraphRun(shared=MODULE)) as (robot, graph):
             ...
         return table.accepted
 
@@ -35,7 +35,6 @@ from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
 
-from ..graph import nodes_of
 from ..locks import AlreadyRunning, Lock
 from ..nodes import bringup
 from ..nodes.bringup import network_option
@@ -204,7 +203,11 @@ class GraphRun:
     @property
     def names(self) -> list[str]:
         """The nodes, in the order they were started."""
-        return [node for process in self._processes for node in nodes_of(process.name)]
+        return [node for process in self._processes for node in process.nodes]
+
+    def nodes_of(self, name: str) -> tuple[str, ...]:
+        """Return the nodes of one executable."""
+        return tuple(self._process(name).nodes)
 
     @property
     def pids(self) -> dict[str, int]:
@@ -248,8 +251,9 @@ class GraphRun:
         self._may_end.discard(name)
 
     def arguments(self, name: str) -> list[str]:
-        """Return the --ros-args of one executable, without that word."""
-        return self._process(name).arguments[1:]
+        """Return the --ros-args of the executable that has a node, without that word."""
+        found = [process for process in self._processes if name in process.nodes]
+        return (found[0] if found else self._process(name)).arguments[1:]
 
     def _process(self, name: str) -> bringup.Process:
         for process in self._processes:

@@ -18,6 +18,7 @@ from screw_module_msgs.srv import SetArm
 
 from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
+from ..graph import WHOLE
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
 from ..plant.patient import PATIENTS, trait_flaw
@@ -77,7 +78,7 @@ def therapy(
     extra = [] if node_logs else ["--disable-stdout-logs"]
     if folder is not None:
         extra += recordings_in(folder)
-    nodes = GraphRun(extra=extra, composed=True)
+    nodes = GraphRun(extra=extra, shared=WHOLE)
     with running("therapy", console, nodes, with_pages(port, file_games)) as (robot, graph):
         takes = arm(patient=patient, traits=dict(traits))  # of two of a name the last counts
         serve(robot, takes, port, tokens_in(token_file(graph)), console)

@@ -107,7 +107,7 @@ def test_foreign_sync_is_counted_where_we_produce_it(wire):
 @pytest.mark.parametrize(("interface", "is_heard"), [("socketcan", True), ("gs_usb", False)])
 def test_another_program_of_this_computer_is_a_master_too(wire, monkeypatch, interface, is_heard):
     """SocketCAN marks its frames as not received; elsewhere these are our own, come back."""
-    monkeypatch.setattr(bus, "_opened", lambda settings, served: wire.bus)
+    monkeypatch.setattr(bus, "_opened", lambda settings, clock, hub: wire.bus)
     port = open_port(BusSettings(interface=interface))
     frames: list[bytes] = []
     port.subscribe(0x201, lambda data, arrival: frames.append(bytes(data)))

@@ -20,7 +20,7 @@ from row import LAW_OF_OTHERS, RATE, Row
 
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
-from screw_module_ros.graph import nodes_of
+from screw_module_ros.graph import MODULE
 from screw_module_ros.lockstep.page import alive
 from screw_module_ros.operator.bring_up import Operation, bring_up
 from screw_module_ros.operator.robot import Robot, RobotError
@@ -77,7 +77,7 @@ class FaultRobot(Robot):
         given = [f"{node}:{one}" for node, several in _SETTINGS.items() for one in several]
         extra = [word for one in given for word in ("-p", one)]
         extra += ["--disable-stdout-logs", *recordings_in(folder)]
-        self.graph = GraphRun(extra=extra, composed=not apart)
+        self.graph = GraphRun(extra=extra, shared=None if apart else MODULE)
         self.graph.__enter__()
         try:
             super().__init__("fault_operator", watch=self._look, simulated=True)
@@ -192,7 +192,7 @@ class FaultRobot(Robot):
         """Start a node again, after waiting for its end."""
         self.clock.idle()
         self._await_end(node)
-        self.forget(nodes_of(node))
+        self.forget(self.graph.nodes_of(node))
         self.graph.restart(node)
         self._restarted.add(node)
 
@@ -207,7 +207,7 @@ class FaultRobot(Robot):
         processes, self._restarted = self._restarted, set()
         for process in processes:
             self._await_start(self.graph.pid(process), process)
-        nodes = {node for process in processes for node in nodes_of(process)}
+        nodes = {node for process in processes for node in self.graph.nodes_of(process)}
         self.wait_until_ready(nodes)
         for topic, owner in _ONE_SENDER.items():
             if owner in nodes:

@@ -14,7 +14,7 @@ from row import CLEAR, ENABLE, GOES_ON, HOME, OFF, PERIOD, PLANE_HOME, VERTICAL_
 from rows_bus import DEVICES, KINDS
 
 from screw_module_ros.control.laws import variants
-from screw_module_ros.graph import COMPOSED, GRAPH
+from screw_module_ros.graph import GRAPH, MODULE
 
 NAMES = [row.name for row in ROWS]
 BY_NAME = dict(zip(NAMES, ROWS, strict=True))
@@ -27,7 +27,7 @@ def test_names_are_unique_and_speak_for_themselves():
 
 
 def test_every_node_is_killed_and_frozen():
-    for entry, act in itertools.product([*GRAPH, COMPOSED], ("killed", "frozen")):
+    for entry, act in itertools.product([*GRAPH, MODULE], ("killed", "frozen")):
         if entry.simulation and act == "frozen":
             continue  # time stands still, and nothing happens in it
         assert f"{entry.executable}-{act}" in BY_NAME
@@ -48,7 +48,7 @@ def test_every_cable_comes_out(device):
 
 
 def test_what_is_done_to_a_part_of_the_module_is_done_to_a_process_of_its_own():
-    parts = {f"{part}-{act}" for part in COMPOSED.parts for act in ("killed", "frozen", "stopped")}
+    parts = {f"{part}-{act}" for part in MODULE.parts for act in ("killed", "frozen", "stopped")}
     assert all(row.apart for row in ROWS if row.name in parts)
 
 

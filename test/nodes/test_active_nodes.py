@@ -17,7 +17,7 @@ from screw_module_ros.graph import BESIDE, table
 from screw_module_ros.nodes.support.states import ERROR, OK, WARN
 from screw_module_ros.nodes.support.threads import Timers
 
-NODES = sorted({node for composed in (False, True) for e in table(composed) for node in e.nodes})
+NODES = sorted(entry.executable for entry in table())
 STEPS = 3
 ENDLESS = ("sim_rig",)  # one step of its loop lasts until it is deactivated
 SHOULDER, ELBOW = 3, 4

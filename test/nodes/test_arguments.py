@@ -10,6 +10,7 @@ import pytest
 import rclpy
 from click.testing import CliRunner
 
+from screw_module_ros.graph import MODULE, WHOLE
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.support.arguments import (
@@ -138,8 +139,8 @@ def test_a_file_that_is_not_there_starts_nothing():
 
 def test_the_packaged_files_have_no_section_that_nobody_reads():
     for simulation in (True, False):
-        for composed in (True, False):
-            assert plan(simulation, composed=composed, namespace="left").warnings == []
+        for shared in (None, MODULE):
+            assert plan(simulation, shared=shared, namespace="left").warnings == []
 
 
 @pytest.mark.parametrize("namespace", ["left", "/left", "/left/"])
@@ -148,10 +149,10 @@ def test_one_way_to_write_a_namespace(namespace):
     assert plan(namespace="/").namespace == ""
 
 
-@pytest.mark.parametrize("composed", [False, True])
-def test_the_rig_has_the_latency_of_the_processes(composed):
-    rig = given(plan(namespace="left", composed=composed), "sim_rig")
-    assert rig["devices.command_latency"] == (0.3e-3 if composed else 0.6e-3)
+@pytest.mark.parametrize("shared", [None, MODULE, WHOLE])
+def test_the_rig_has_the_latency_of_the_processes(shared):
+    rig = given(plan(namespace="left", shared=shared), "sim_rig")
+    assert rig["devices.command_latency"] == (0.3e-3 if shared else 0.6e-3)
 
 
 def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):

@@ -16,7 +16,7 @@ from rclpy.lifecycle import LifecycleNode
 import screw_module_ros.nodes as nodes
 from screw_module_ros.graph import BESIDE, table
 
-NODES = sorted({node for composed in (False, True) for e in table(composed) for node in e.nodes})
+NODES = sorted(entry.executable for entry in table())
 MEANT = {"_phase", "_failure", "drives", "hardware_id", "port"}
 """Attributes that a base class initializes for those below it."""
 

@@ -35,6 +35,8 @@ from screw_module_ros.graph import (
     ENCODER_DECIMATED,
     FORCE_DECIMATED,
     GRAPH,
+    MODULE,
+    WHOLE,
     table,
 )
 from screw_module_ros.nodes import bringup
@@ -50,7 +52,7 @@ RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFOR
 HOME = 0.25
 HARASSED_S = 2.0
 SEPARATE = pytest.mark.parametrize("run", [False], ids=["separate"], indirect=True)
-COMPOSED = pytest.mark.parametrize("run", [True], ids=["composed"], indirect=True)
+COMPOSED = pytest.mark.parametrize("run", [MODULE], ids=["composed"], indirect=True)
 
 # Topic -> type, publisher, reliability, written out again.
 TOPICS = {
@@ -98,14 +100,14 @@ SERVICES = {
 }
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["separate", "composed"])
+@pytest.fixture(scope="module", params=[None, MODULE, WHOLE], ids=["separate", "composed", "one"])
 def run(request, tmp_path_factory, calibration):
     """Return the running graph; it must end in order, also while both torques are on."""
     folder = tmp_path_factory.mktemp("bags")
     extra = ["-p", f"session_recorder:folder:={folder}"]
     for name in ("impedance_controller", "amplifier"):
         extra += ["-p", f"{name}:calibration_file:={calibration.path}"]
-    with GraphRun(extra=extra, composed=request.param) as graph:
+    with GraphRun(extra=extra, shared=request.param) as graph:
         yield graph
         codes = graph.stop()
     started = [entry.executable for entry in table(request.param)]

@@ -5,20 +5,21 @@ from __future__ import annotations
 
 from policy_profiles import CLOCK, NODES, policy
 
-from screw_module_ros.graph import BESIDE, COMPOSED
+from screw_module_ros.graph import BESIDE, MODULE, WHOLE
 from screw_module_ros.operator import client
 
 OTHERS = ["game", "operator"]
+SHARED = (MODULE, WHOLE)
 
 
 def test_an_enclave_for_each_executable_and_no_other():
     found = policy()
-    assert sorted(found) == sorted([*NODES, COMPOSED.executable, *BESIDE, *OTHERS])
+    assert sorted(found) == sorted([*NODES, *(s.executable for s in SHARED), *BESIDE, *OTHERS])
     for name in (*NODES, "therapy_session", "web_bridge", *OTHERS):
         assert list(found[name]) == [name]
     assert list(found["characterize"]) == ["characterize", "characterize_client"]
-    parts = {name: found[name][name] for name in COMPOSED.parts}
-    assert found[COMPOSED.executable] == parts
+    for shared in SHARED:
+        assert found[shared.executable] == {name: found[name][name] for name in shared.parts}
 
 
 def test_a_game_plays_and_does_no_more():

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two runs with one seed and commands bound to ticks: the same samples, bit for bit."""
+"""Runs with one seed and commands bound to ticks: the same samples, bit for bit.
+
+Apart twice; in one process twice, and as composed: there too the drive's state reaches the
+controller by a call, apart by a topic.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from pathlib import Path
 import pytest
 from screw_module_msgs.msg import ForceCommand
 
+from screw_module_ros.graph import MODULE, WHOLE, Entry
 from screw_module_ros.lockstep.page import START_NS
 from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.recording.records import File
@@ -37,13 +42,13 @@ class Script:
         return self.robot
 
 
-def played(folder: Path, seed: int) -> Path:
-    """Run the script; return the bag."""
+def played(folder: Path, seed: int, shared: Entry | None = None) -> Path:
+    """Run the script; return the bag. shared: as of `graph.table`."""
     extra = ["-p", f"session_recorder:folder:={folder}", "-p", "session_recorder:name:=session"]
     extra += ["-p", f"sim_rig:seed:={seed}"]
     extra += ["-p", "sim_rig:speed:=0.02"]  # the graph starts before the first time of the script
     with (
-        GraphRun(extra=extra) as graph,
+        GraphRun(extra=extra, shared=shared) as graph,
         Robot("script", watch=graph.watch, simulated=True) as robot,
     ):
         robot.wait_until_ready(graph.names)
@@ -94,8 +99,7 @@ def assert_of_simulated_time(bag: Path) -> None:
     assert START_NS < newest < START_NS + 1000 * S
 
 
-def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
-    one, other = (samples(played(tmp_path / name, seed=3)) for name in ("one", "other"))
+def assert_same(one: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> None:
     for topic in TOPICS:
         per_second = 100 if topic == "sim/truth" else 1000
         assert len(one[topic]) == round(per_second * (END_S - RECORDED_S)), topic
@@ -103,3 +107,13 @@ def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
         pairs = zip(one[topic], other[topic], strict=True)
         differing = [number for number, (first, second) in enumerate(pairs) if first != second]
         assert not differing, (topic, differing[:3])
+
+
+def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
+    assert_same(*(samples(played(tmp_path / name, seed=3)) for name in ("one", "other")))
+
+
+def test_one_process_is_the_same_twice_and_as_composed(tmp_path):
+    whole = samples(played(tmp_path / "whole", 3, WHOLE))
+    assert_same(whole, samples(played(tmp_path / "again", 3, WHOLE)))
+    assert_same(whole, samples(played(tmp_path / "composed", 3, MODULE)))

@@ -9,6 +9,7 @@ import subprocess
 import pytest
 from screw_module_msgs.msg import ForceCommand, SafetyState
 
+from screw_module_ros.graph import MODULE
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.trials.runner import GraphRun
@@ -31,8 +32,8 @@ def log(tmp_path, monkeypatch):
     return lines
 
 
-@pytest.mark.parametrize(("composed", "victim"), [(False, "encoder"), (True, "module")])
-def test_a_killed_process_is_one_line_and_so_is_its_return(composed, victim, log):
+@pytest.mark.parametrize(("shared", "victim"), [(None, "encoder"), (MODULE, "module")])
+def test_a_killed_process_is_one_line_and_so_is_its_return(shared, victim, log):
     def stops() -> list[str]:
         return [line for line in log() if line.startswith("stopped")]
 
@@ -44,7 +45,7 @@ def test_a_killed_process_is_one_line_and_so_is_its_return(composed, victim, log
             return False
         return (state := robot.state(SafetyState)) is not None and state.motion_permitted
 
-    with GraphRun(composed=composed) as graph, Robot("operator", watch=graph.watch) as robot:
+    with GraphRun(shared=shared) as graph, Robot("operator", watch=graph.watch) as robot:
         graph.wait_until_ready(robot)
         robot.trigger("encoder/home")
         robot.set_mode(ForceCommand.IMPEDANCE)
@@ -58,7 +59,7 @@ def test_a_killed_process_is_one_line_and_so_is_its_return(composed, victim, log
         assert LOST in line and line.endswith("~/reset, then enable the drives")
         assert (victim == "module") == ("force_sensor: no message" in line)
 
-        command = [executable_path("bringup"), "--only", victim, *["--composed"] * composed]
+        command = [executable_path("bringup"), "--only", victim, *["--composed"] * bool(shared)]
         again = subprocess.Popen(command)
         try:
             robot.met_by_wall(permitted, AGAIN_S)

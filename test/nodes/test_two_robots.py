@@ -13,6 +13,7 @@ import pytest
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState, TherapyState
 
 from screw_module_ros.bridge.tokens import tokens_in
+from screw_module_ros.graph import MODULE
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError
@@ -88,7 +89,7 @@ def started(bags, tmp_path_factory, ros_domain_id):
     try:
         for name in NAMES:
             processes += bringup.start(
-                namespace=name, only=ONE_ROBOT, composed=True, extra=extra
+                namespace=name, only=ONE_ROBOT, shared=MODULE, extra=extra
             )
             simulated = ["-p", "use_sim_time:=true", "-r", f"__ns:=/{name}"]
             processes.append(bringup.Process(SESSION, ["--ros-args", *simulated]))

@@ -20,6 +20,8 @@ from screw_module_ros.settings_file import parse
 
 NETWORK = "--network"
 """The word that opens a node, and each command of the graph, to other machines."""
+PARTS = "--parts"
+"""The word before the names, by comma, of the nodes that a shared process has."""
 _RULE = re.compile(r"(?:(?P<node>\w+):)?(?P<name>[^:=]+):=(?P<value>.*)", re.DOTALL)
 
 
@@ -35,13 +37,15 @@ class Arguments(NamedTuple):
     """Content of a command line.
 
     files: parameter files, in order. rules: those of -p, in order. others: arguments that are not
-    for ROS. network: other machines may take part.
+    for ROS. network: other machines may take part. parts: nodes of this process, empty for those
+    of the table.
     """
 
     files: list[str]
     rules: list[Rule]
     others: list[str]
     network: bool = False
+    parts: tuple[str, ...] = ()
 
 
 def arguments(words: Sequence[str] | None = None) -> Arguments:
@@ -59,7 +63,12 @@ def arguments(words: Sequence[str] | None = None) -> Arguments:
         elif word in ("-p", "--param") and (rule := _RULE.fullmatch(next(left, ""))):
             found.rules.append(Rule(rule["node"] or "", rule["name"], rule["value"]))
     others = [word for word in found.others if word != NETWORK]
-    return found._replace(others=others, network=NETWORK in found.others)
+    parts: tuple[str, ...] = ()
+    if PARTS in others[:-1]:
+        at = others.index(PARTS)
+        parts = tuple(others.pop(at + 1).split(","))
+        others.pop(at)
+    return found._replace(others=others, network=NETWORK in found.others, parts=parts)
 
 
 def overrides(name: str, rules: Iterable[Rule]) -> list[Parameter]:

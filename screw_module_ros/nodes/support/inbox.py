@@ -8,8 +8,7 @@ subscriptions directly from a wait set, and the executor ignores them (`HotGroup
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -21,6 +20,9 @@ from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.end import End
 
 from .wire import Layout
+
+if TYPE_CHECKING:  # a process of one node has no topics within it
+    from .local_topics import LocalSubscription, LocalTopics
 
 _WALL = WallClock()
 _LOST_NS = 900_000_000  # wall clock after which a published message counts as lost
@@ -39,14 +41,18 @@ class Inbox:
     """Subscriptions of the hot loop with one common wait.
 
     clock: clock of the wait. direct: topics whose content another part of this process passes by
-    calls; they have no subscription, and taking from them returns None.
+    calls; they have no subscription, and taking from them returns None. local: topics that pass
+    within this process.
     """
 
-    def __init__(self, node: Node, clock: Clock, direct: Collection[str] = ()):
-        self._node, self._clock, self._direct = node, clock, direct
+    def __init__(
+        self, node: Node, clock: Clock, direct: Collection[str] = (),
+        local: LocalTopics | None = None,
+    ):  # fmt: skip
+        self._node, self._clock, self._direct, self._local = node, clock, direct, local
         self._group = HotGroup()
-        self._all: list[Subscription] = []
-        self._waking: list[Subscription] = []
+        self._all: list[Subscription | LocalSubscription] = []
+        self._waking: list[Any] = []
         self._wait_set: Any = None
 
     def subscribe(
@@ -58,11 +64,21 @@ class Inbox:
         """
         if topic in self._direct:
             return _nothing
-        made = Subscription(self._node, self._clock, self._group, kind, topic, qos, wakes)
+        made = self._subscription(kind, topic, qos, wakes)
         self._all.append(made)
         if wakes:
             self._waking.append(made)
         return made
+
+    def _subscription(
+        self, kind: type | Layout, topic: str, qos: QoSProfile, wakes: bool
+    ) -> Subscription | LocalSubscription:
+        clock = self._clock
+        if self._local is None or not self._local.carries(topic):
+            return Subscription(self._node, clock, self._group, kind, topic, qos, wakes)
+        assert isinstance(clock, SimulatedClock), "loops of one thread have no other clock"
+        name = self._node.resolve_topic_name(topic)
+        return self._local.subscribe(name, kind, qos.depth, wakes, clock)
 
     def discard(self) -> None:
         """Drop what has come so far."""
@@ -244,16 +260,21 @@ class Outlet:
     """
 
     def __init__(
-        self, node: Node, clock: Clock, kind: type, topic: str, qos: QoSProfile, raw: bool = False
-    ):
+        self, node: Node, clock: Clock, kind: type, topic: str, qos: QoSProfile, raw: bool = False,
+        local: LocalTopics | None = None,
+    ):  # fmt: skip
         self._node = node
         self._publisher = node.create_publisher(kind, topic, qos)
         handle = self._publisher.handle
         self.publish = handle.publish_raw if raw else handle.publish
         self._end: End | None = None
-        if isinstance(clock, SimulatedClock):
-            self._end = clock.publisher(self._publisher.topic_name)
-            self.publish = partial(_publish_counted, self._end, self.publish)
+        if not isinstance(clock, SimulatedClock):
+            return
+        name = self._publisher.topic_name
+        self._end = clock.publisher(name)
+        self.publish = self._end.counted(self.publish)
+        if local is not None and local.carries(topic):
+            self.publish = local.publishing(name, kind, raw, handle, self._end)
 
     @property
     def heard(self) -> bool:
@@ -266,12 +287,6 @@ class Outlet:
         if self._end is not None:
             self._end.close()
         self._node.destroy_publisher(self._publisher)
-
-
-def _publish_counted(end: End, send: Callable[[Any], None], message: Any) -> None:
-    end.count()
-    send(message)
-    end.announce()
 
 
 def _taker(handle: Any, kind: type | Layout) -> Callable[[], Any]:

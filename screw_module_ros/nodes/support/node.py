@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState
@@ -27,6 +27,9 @@ from .scheduling import RealtimeSettings, StartSettings
 from .states import ERROR, OK, WARN, Health
 from .threads import ServiceThread, Timers, run_loop
 from .topics import Senders, offered
+
+if TYPE_CHECKING:  # a process of one node has no topics within it
+    from .local_topics import LocalTopics
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 _LEAVE_STEP_S = 2.0
@@ -59,6 +62,9 @@ class Node(LifecycleNode):
 
     direct: Collection[str] = ()
     """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
+
+    local: LocalTopics | None = None
+    """Topics that pass within this process, where all its loops share a thread."""
 
     def __init__(self, name: str):
         super().__init__(name, parameter_overrides=overrides(name, arguments().rules))
@@ -148,13 +154,13 @@ class Node(LifecycleNode):
         self, kind: type, topic: str, qos: QoSProfile, raw: bool = False
     ) -> Callable[[Any], None]:
         """Return the publish function of a topic, valid until `disconnect`; raw: takes bytes."""
-        outlet = Outlet(self, self.clock, kind, topic, qos, raw)
+        outlet = Outlet(self, self.clock, kind, topic, qos, raw, self.local)
         self._topics.append(outlet)
         return outlet.publish
 
     def new_inbox(self) -> Inbox:
         """Return a new inbox for subscriptions of the hot loop, open until `disconnect`."""
-        inbox = Inbox(self, self.clock, self.direct)
+        inbox = Inbox(self, self.clock, self.direct, self.local)
         self._inboxes.append(inbox)
         return inbox
 
@@ -353,8 +359,7 @@ class Node(LifecycleNode):
 
     def wait_for_activation(self) -> None:
         """Wait until the node is active, for a moment at most."""
-        self.clock.idle()
-        self._active.wait(_POLL_S)
+        self.clock.rest(self._active, _POLL_S)
 
     # Diagnostics ---------------------------------------------------------------------------
 
