@@ -57,7 +57,9 @@ from screw_module_ros.trials.patient import Hand
 from screw_module_ros.trials.runner import GraphRun, command, own_place, recordings_in, running
 from screw_module_ros.trials.therapy import BRIDGE, bridge_words, token_file
 
-SEPARATE, COMPOSED, LOOP, STEPS, CALLS = "separate", "composed", "loop", "steps", "calls"
+SEPARATE, COMPOSED, ONE = "separate", "composed", "one process"
+LOOP, STEPS, CALLS = "loop", "steps", "calls"
+SHARED = {SEPARATE: None, COMPOSED: topics.MODULE, ONE: topics.WHOLE}
 GRAPH = "graph"
 SECTIONS = {
     GRAPH: "By wall clock. Latencies from SYNC to the drive write; answer: from SYNC to reception "
@@ -200,7 +202,7 @@ def cases_of(
             cases.append(Case(GRAPH, title, run))
         if cut in only and bridge:
             cases.append(Case(GRAPH, f"{title}, page", partial(run, page=True), title))
-    for cut in (SEPARATE, COMPOSED) if STEPS in only else ():
+    for cut in SHARED if STEPS in only else ():
         for title, recorder in ((cut, False), (f"{cut}, recorder", True)):
             cases.append(Case(STEPS, title, partial(steps, cut, recorder, seconds)))
     if CALLS in only:
@@ -248,8 +250,7 @@ def measure(cut: str, rate: int, seconds: float, page: bool = False) -> Figures:
     extra = [word for node in topics.MODULE.parts
              for word in ("-p", f"{node}:rate:={float(rate)}")]  # fmt: skip
     extra.append("--disable-stdout-logs")
-    shared = topics.MODULE if cut == COMPOSED else None
-    nodes = GraphRun(extra=extra, shared=shared, wall_clock=True)
+    nodes = GraphRun(extra=extra, shared=SHARED[cut], wall_clock=True)
     port = free_port()
 
     def beside(graph: GraphRun) -> None:
@@ -367,7 +368,7 @@ def steps(cut: str, recorder: bool, seconds: float) -> Figures:
         extra = [*recordings_in(Path(folder)), "-p", "sim_rig:speed:=0.0"]
         nodes = GraphRun(
             extra=[*extra, "--disable-stdout-logs"],
-            shared=topics.MODULE if cut == COMPOSED else None,
+            shared=SHARED[cut],
             without=() if recorder else (_RECORDER,),
         )
         robot, run = stack.enter_context(running("bench", quiet, nodes))

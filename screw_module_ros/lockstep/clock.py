@@ -72,7 +72,7 @@ class SimulatedClock(Clock):
     def arrivals(self, frames: Any) -> Arrivals:
         """Return the arrivals of a bus that counts its members' frames."""
         counts = hasattr(frames, "frames_counted")
-        return (CountedArrivals if counts else PlainArrivals)(self, frames)
+        return (_CountedArrivals if counts else PlainArrivals)(self, frames)
 
     def publisher(self, topic: str) -> End:
         """Return the publishing end of a topic (full name)."""
@@ -121,7 +121,7 @@ class SimulatedClock(Clock):
                 self.page.close()
 
 
-class CountedArrivals:
+class _CountedArrivals:
     """Arrivals of a bus whose frames hold simulated time until they are read."""
 
     def __init__(self, clock: SimulatedClock, bus: Any):

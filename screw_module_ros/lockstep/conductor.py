@@ -19,7 +19,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 
-from .page import BUSY, FOREVER, THREADS, Page, alive, works
+from .page import BUSY, FOREVER, NOW, THREADS, Page, alive, works
 
 PATIENCE_S = 1.0
 STARVED_S = 10.0
@@ -33,14 +33,14 @@ class ConductorExists(RuntimeError):
 
 
 class Conductor:
-    """Advances the time of one page.
+    """Advances the time of one page, whose header is `header`.
 
     speed: simulated seconds per second at most, 0 = as fast as possible. report: called with a
     message about members that the conductor no longer waits for.
     """
 
     def __init__(self, page: Page, speed: float, report: Callable[[str], None]):
-        self._page = page
+        self._page, self.header = page, page.header
         self.speed = speed
         self._report = report
         with page.locked():
@@ -61,12 +61,12 @@ class Conductor:
         self._progress: tuple = ()
         self._progress_s = self._looked_s = self._called_s = time.monotonic()
         self._due_s = self._progress_s
-        self._factor_s, self._factor_ns = self._progress_s, page.now_ns
+        self._factor_s, self._factor_ns = self._progress_s, self.header[NOW]
 
     @property
     def now_ns(self) -> int:
         """Simulated time [ns]."""
-        return self._page.now_ns
+        return self.header[NOW]
 
     def quiet(self) -> int | None:
         """Return the earliest time a member waits for [ns]; None while any member has work."""
@@ -76,13 +76,13 @@ class Conductor:
         top = self._top
         while True:
             waits = sum(page.waits[:top])
-            if min(page.until[:top], default=FOREVER) <= page.now_ns:
+            if min(page.until[:top], default=FOREVER) <= self.header[NOW]:
                 return None  # looked at first, because it is quick
             if next(self._in_transit(), None) is not None:
                 return None
             # In this order: who has just taken what was in transit is busy before that.
             earliest = min(page.until[:top], default=FOREVER)
-            if earliest <= page.now_ns:
+            if earliest <= self.header[NOW]:
                 return None
             if sum(page.waits[:top]) == waits:
                 return earliest
@@ -126,7 +126,7 @@ class Conductor:
     def move(self, to_ns: int) -> None:
         """Set the time; `release` then wakes the members."""
         page = self._page
-        elapsed_s = (to_ns - page.now_ns) * 1e-9
+        elapsed_s = (to_ns - self.header[NOW]) * 1e-9
         now_s = self._progress_s = time.monotonic()
         if self.speed:
             self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self.speed
@@ -135,14 +135,14 @@ class Conductor:
             page.taken[end] = min(page.taken[end], sum(page.sent[each] for each in senders))
         self._is_new_roll = False
         page.settled[:] = page.sent  # what was sent is of the past from here on
-        page.now_ns = to_ns
+        self.header[NOW] = to_ns
         if now_s - self._factor_s > 1.0:
             page.factor = (to_ns - self._factor_ns) * 1e-9 / (now_s - self._factor_s)
             self._factor_s, self._factor_ns = now_s, to_ns
 
     def release(self) -> None:
         """Wake every member that waits for this time."""
-        page, now_ns = self._page, self._page.now_ns
+        page, now_ns = self._page, self.header[NOW]
         until = page.until
         for thread in range(self._top):
             if BUSY < until[thread] <= now_ns:
@@ -160,7 +160,7 @@ class Conductor:
 
     def look(self) -> None:
         """Record the changes so far; call it before `quiet`, so that `sleep` misses none."""
-        self._seen = self._page.header[4]
+        self._seen = self.header[4]
 
     def _check_members(self) -> None:
         """Stop waiting for members that have ended, or that make no progress."""
@@ -189,7 +189,7 @@ class Conductor:
         return any(works(pid) for pid in holding - {0})
 
     def _busy_threads(self) -> list[int]:
-        page, now_ns = self._page, self._page.now_ns
+        page, now_ns = self._page, self.header[NOW]
         return [thread for thread in range(self._top) if page.until[thread] <= now_ns]
 
     def _busy_now(self) -> tuple:
@@ -197,8 +197,8 @@ class Conductor:
 
         Waiting threads repeat their declaration now and then; that is no progress.
         """
-        page = self._page
-        return (page.now_ns, *((thread, page.waits[thread]) for thread in self._busy_threads()))
+        waits = self._page.waits
+        return (self.header[NOW], *((thread, waits[thread]) for thread in self._busy_threads()))
 
     def _dismiss_ended(self) -> None:
         page = self._page

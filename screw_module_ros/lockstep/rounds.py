@@ -22,7 +22,7 @@ from typing import Any
 from greenlet import getcurrent, greenlet
 
 from ..clock import Arrivals, TimeStandsStill
-from .clock import CountedArrivals, SimulatedClock
+from .clock import SimulatedClock
 from .member import Member
 from .page import FOREVER, NOBODY, NOW, Page
 
@@ -83,7 +83,8 @@ class Rounds:
 
         Raises what a loop raises.
         """
-        ran, earliest_ns = False, FOREVER
+        ran = ended = False
+        earliest_ns = FOREVER
         for loop in self._loops:
             if loop.until_ns > now_ns:
                 for queue in loop.queues:
@@ -95,8 +96,9 @@ class Rounds:
                         continue
             loop.greenlet.switch()
             ran = True
+            ended |= loop.greenlet.dead
         self.earliest_ns = earliest_ns
-        if ran and any(loop.greenlet.dead for loop in self._loops):
+        if ended:
             self._forget_ended()
         return ran
 
@@ -149,7 +151,6 @@ class RoundsClock(SimulatedClock):
         self.buses: dict[str, Any] = {}
         self.rounds.holds = self._holds
         self._near: list[NearFrames] = []
-        self._hubs: list[HubFrames] = []
         self._own.member = _MainMember(page, f"{name}/loops", self)
 
     def sleep_until(self, due_ns: int) -> None:
@@ -186,27 +187,22 @@ class RoundsClock(SimulatedClock):
 
     def arrivals(self, frames: Any) -> Arrivals:
         """Return the arrivals of a bus: of one that is served here, what passes by calls."""
-        if hasattr(frames, "join"):
-            hub = HubFrames(self, frames)
-            self._hubs = [*self._hubs, hub]
-            return hub
-        if not hasattr(frames, "queue"):
+        if hasattr(frames, "join") or not hasattr(frames, "queue"):
             return super().arrivals(frames)
         near = NearFrames(self, frames)
         self._near = [*self._near, near]
         return near
 
-    def forget(self, closed: NearFrames | HubFrames) -> None:
+    def forget(self, closed: NearFrames) -> None:
         """Forget the arrivals of a bus."""
         self._near = [each for each in self._near if each is not closed]
-        self._hubs = [each for each in self._hubs if each is not closed]
 
     def _holds(self) -> bool:
         """Return whether a frame waits for the rig, or for a thread that waits for it and is woken.
 
         A frame for a loop does not: it may read that later.
         """
-        for hub in self._hubs:
+        for hub in self.buses.values():
             if hub.queue:
                 return True
         waiter = self.page.waiter
@@ -267,32 +263,6 @@ class NearFrames:
         self._clock.forget(self)
         with self._clock.page.locked():
             self._clock.page.leave(self.row)
-
-
-class HubFrames(CountedArrivals):
-    """Frames for the rig: of members in its process by calls, of others by the socket, counted."""
-
-    def __init__(self, clock: RoundsClock, hub: Any):
-        super().__init__(clock, hub)
-        self._rounds, self._hub, self.queue = clock, hub, hub.queue
-
-    def receive(self, until_ns: int) -> Any:
-        """Return the next frame, None without one."""
-        return self.queue.popleft() if self.queue else super().receive(until_ns)
-
-    def expects(self) -> bool:
-        """Return whether a frame is in transit."""
-        return bool(self.queue) or (self._hub.is_shared and super().expects())
-
-    def sent(self) -> None:
-        """Count a frame for the members in other processes."""
-        if self._hub.is_shared:
-            super().sent()
-
-    def close(self) -> None:
-        """Stop counting."""
-        self._rounds.forget(self)
-        super().close()
 
 
 class _MainMember(Member):

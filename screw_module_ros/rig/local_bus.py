@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import can
@@ -65,8 +66,10 @@ class FrameBus(can.BusABC):
 class LocalHub(FrameBus):
     """A bus within one process; as a python-can bus it is the rig's own place on it.
 
-    queue: frames for the rig. near: the members in this process.
+    queue: frames for the rig. near: the members in this process; far: those in others.
     """
+
+    far: Mapping[int, object] = MappingProxyType({})
 
     def __init__(self, channel: str):
         self.queue: deque[Frame] = deque()
@@ -87,6 +90,8 @@ class LocalHub(FrameBus):
             raise can.CanOperationError(_UNHEARD)
         for member in self.near:
             member.queue.append((can_id, data))
+        if self.far:
+            self._send_far(can_id, data)
 
     def receive_frame(self, timeout_s: float | None) -> Frame | None:
         """Return the next frame of a member, None without one; never waits."""
@@ -97,6 +102,11 @@ class LocalHub(FrameBus):
         for member in self.near:
             if member is not sender:
                 member.queue.append((can_id, data))
+        if self.far and sender is not None:
+            self._send_far(can_id, data)
+
+    def _send_far(self, can_id: int, data: bytes) -> None:
+        raise NotImplementedError
 
     def plug(self, plugged: bool) -> None:
         """Unplug the adapter of all members, who are dead from then on, or plug it in again."""
@@ -152,7 +162,8 @@ class LocalBus(FrameBus):
         if hub is None:
             raise can.CanOperationError(self._told)
         hub.queue.append((can_id, data))
-        hub.pass_on(self, can_id, data)
+        if len(hub.near) > 1 or hub.far:
+            hub.pass_on(self, can_id, data)
 
     def receive_frame(self, timeout_s: float | None) -> Frame | None:
         """Return the next frame, None without one; never waits."""

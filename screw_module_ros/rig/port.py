@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Collection
 
 import can
 
-from screw_module_ros.can_io.frames import OWN, frames_of
+from screw_module_ros.can_io.frames import OWN, Frame, frames_of
 from screw_module_ros.clock import Clock
+
+from .local_bus import LocalHub
 
 Handler = Callable[[bytes, int], None]
 """Handler of a frame: called with the payload and the present time [ns]."""
@@ -26,6 +29,11 @@ class RigPort:
         self.bus = bus
         self._frames = frames_of(bus)
         self._arrivals = clock.arrivals(self._frames)
+        #: Frames that wait in this process, and who else is on the bus.
+        self.queue: deque[Frame] = deque()
+        self.far: Collection[object] = (bus,)
+        if isinstance(bus, LocalHub):
+            self.queue, self.far = bus.queue, bus.far
         self.members: list[Callable[[], dict[int, Handler]]] = []
         self.first: dict[int, Handler] = {}
         self.now_ns = 0
@@ -66,13 +74,13 @@ class RigPort:
         """Return whether a frame may be waiting; lock step does not foresee frames of foreign
         processes.
         """
-        return self._arrivals.expects()
+        return bool(self.queue or (self.far and self._arrivals.expects()))
 
     def receive(self, now_ns: int) -> bool:
         """Handle the next waiting frame without blocking; return whether there was one."""
         self.now_ns = now_ns
         try:
-            frame = self._arrivals.receive(0)
+            frame = self.queue.popleft() if self.queue else self._arrivals.receive(0)
         except (can.CanError, OSError, ValueError):
             self.receive_errors += 1
             return False
@@ -95,5 +103,6 @@ class RigPort:
         except (can.CanError, OSError):
             self.send_errors += 1
         else:
-            self._arrivals.sent()
+            if self.far:
+                self._arrivals.sent()
             self.frames_out += 1

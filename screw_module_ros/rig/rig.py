@@ -19,7 +19,7 @@ import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
-from screw_module_ros.lockstep.page import FOREVER
+from screw_module_ros.lockstep.page import FOREVER, NOW
 from screw_module_ros.plant.world import World
 from screw_module_ros.rig.build import BUSES, RigSettings, build_devices
 from screw_module_ros.rig.device import CLEAR, SimulatedDevice
@@ -112,7 +112,11 @@ class Rig:
         self.devices: dict[str, SimulatedDevice] = {
             device.name: device for device in build_devices(settings, self._ports, self.physics)
         }
+        self._outside, self._by_number = select.epoll(), {}
         for port in self._distinct:
+            if (number := port.fileno()) is not None:
+                self._outside.register(number, select.EPOLLIN)
+                self._by_number[number] = port
             port.first[_SYNC_ID] = self.physics.sync
             port.rebuild()
 
@@ -173,21 +177,25 @@ class Rig:
         process.
         """
         while not should_stop():
-            self.turn(conductor, stepped, loops)
+            while self.turn(conductor, stepped, loops):
+                pass
 
     def turn(
         self, conductor: Conductor, stepped: Callable[[int], None], loops: Loops | None = None,
         until_ns: int = FOREVER,
-    ) -> None:
-        """One pass of `run_in_steps`: something is served, or time moves, to `until_ns` at most."""
+    ) -> bool:
+        """One pass of `run_in_steps`: loops run, or time moves, to `until_ns` at most.
+
+        Return whether loops ran: then more may be ready.
+        """
         conductor.look()
-        now_ns = conductor.now_ns
+        now_ns = conductor.header[NOW]
         if self._requests:
             self._serve_requests()
         self.serve_expected(now_ns)
         if loops is not None:
             if loops.run_ready(now_ns):
-                return
+                return True
             until_ns = min(until_ns, loops.earliest_ns)
         content_ns = conductor.quiet()
         if content_ns is None or (loops is not None and loops.holds()):
@@ -202,18 +210,21 @@ class Rig:
             self._serve_uncounted(now_ns)
             stepped(now_ns)
             conductor.release()
+        return False
 
     def serve_expected(self, now_ns: int) -> None:
         """Handle the frames of the members of simulated time, one from each bus in turn."""
-        while True:
-            waiting = [port for port in self._distinct if port.expects()]
-            if not [port for port in waiting if port.receive(now_ns)]:
-                return
+        served = True
+        while served:
+            served = False
+            for port in self._distinct:
+                if port.queue or (port.far and port.expects()):
+                    served |= port.receive(now_ns)
 
     def _serve_uncounted(self, now_ns: int) -> None:
         """Admit new members of the buses and handle the frames of foreign ones: once per step."""
-        for port in self._distinct:
-            while port.receive(now_ns):
+        for number, _ in self._outside.poll(0):
+            while self._by_number[number].receive(now_ns):
                 pass
 
     def call(self, function: Callable[[], object]) -> None:
@@ -271,6 +282,7 @@ class Rig:
 
     def close(self) -> None:
         """Release the motors and stop listening; the caller closes the buses."""
+        self._outside.close()
         for device in self.devices.values():
             device.link.listen({})
             if isinstance(device, SimulatedDrive):

@@ -8,7 +8,7 @@ import socket
 from contextlib import suppress
 
 from ..can_io.frames import Frame
-from .local_bus import LocalBus, LocalHub
+from .local_bus import LocalHub
 from .rig_bus import FRAME, PACKET_BYTES, UNPLUGGED, WELCOME, SimulatedBus, address
 
 _SEND_BUFFER_BYTES = 4 * 1024 * 1024
@@ -24,7 +24,7 @@ class RigHub(LocalHub, SimulatedBus):
 
     def __init__(self, channel: str):
         self.lost = 0
-        self._members: dict[int, socket.socket] = {}
+        self.far: dict[int, socket.socket] = {}
         self._path = address(channel)
         self._path.unlink(missing_ok=True)
         self._door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -35,30 +35,16 @@ class RigHub(LocalHub, SimulatedBus):
         self._ready.register(self._door, select.EPOLLIN)
         super().__init__(channel)
 
-    @property
-    def is_shared(self) -> bool:
-        """Whether the bus has members in other processes."""
-        return bool(self._members)
-
     def plug(self, plugged: bool) -> None:
         """Unplug the adapter of all members, who are dead from then on, or plug it in again."""
         super().plug(plugged)
-        for number, member in () if plugged else list(self._members.items()):
+        for number, member in () if plugged else list(self.far.items()):
             with suppress(OSError):
                 member.send(UNPLUGGED, socket.MSG_DONTWAIT)
-            self._members.pop(number).close()
+            self.far.pop(number).close()
 
-    def send_frame(self, can_id: int, data: bytes) -> None:
-        """Send a frame to all members."""
-        super().send_frame(can_id, data)
-        if self._members:
-            self._send_far(FRAME.pack(can_id, len(data), self.counted, data), 0)
-
-    def pass_on(self, sender: LocalBus | None, can_id: int, data: bytes) -> None:
-        """Take a member's frame to all others; sender: None for one of another process."""
-        super().pass_on(sender, can_id, data)
-        if sender is not None and self._members:
-            self._send_far(FRAME.pack(can_id, len(data), False, data), 0)
+    def _send_far(self, can_id: int, data: bytes) -> None:
+        self._send_to_all(FRAME.pack(can_id, len(data), self.counted, data), 0)
 
     def receive_frame(self, timeout_s: float | None) -> Frame | None:
         """Return the next frame of a member, None without one within `timeout_s` [s]."""
@@ -70,7 +56,7 @@ class RigHub(LocalHub, SimulatedBus):
             if number == self._door.fileno():
                 self._admit()
             elif packet := self._read(number):
-                self._send_far(packet, number)
+                self._send_to_all(packet, number)
                 if self.near:
                     word, length, _, data = FRAME.unpack(packet)
                     self.pass_on(None, word, data[:length])
@@ -87,7 +73,7 @@ class RigHub(LocalHub, SimulatedBus):
                 return
             # The kernel takes as much as it permits: some 550 frames by default.
             member.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
-            self._members[member.fileno()] = member
+            self.far[member.fileno()] = member
             self._ready.register(member, select.EPOLLIN)
             member.send(WELCOME, socket.MSG_DONTWAIT)
 
@@ -95,14 +81,14 @@ class RigHub(LocalHub, SimulatedBus):
         """Return a member's next packet; empty if it has left, or was sent away for nonsense."""
         packet = b""
         with suppress(ConnectionError):
-            packet = self._members[number].recv(PACKET_BYTES, socket.MSG_DONTWAIT)
+            packet = self.far[number].recv(PACKET_BYTES, socket.MSG_DONTWAIT)
         if len(packet) == PACKET_BYTES - 1:
             return packet
-        self._members.pop(number).close()
+        self.far.pop(number).close()
         return b""
 
-    def _send_far(self, packet: bytes, sender: int) -> None:
-        for number, member in self._members.items():
+    def _send_to_all(self, packet: bytes, sender: int) -> None:
+        for number, member in self.far.items():
             if number != sender:
                 try:
                     member.send(packet, socket.MSG_DONTWAIT)
@@ -118,7 +104,7 @@ class RigHub(LocalHub, SimulatedBus):
     def shutdown(self) -> None:
         """Close the bus for all members."""
         super().shutdown()
-        for member in self._members.values():
+        for member in self.far.values():
             member.close()
         self._ready.close()
         self._door.close()

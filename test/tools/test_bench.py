@@ -104,7 +104,7 @@ def test_every_case_is_measured_once_and_every_wish_has_its_case(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     cases = cases_of((SEPARATE, COMPOSED, STEPS, CALLS, LOOP), (1000, 2000), True, 5.0, None)
     titles = [one.title for one in cases]
-    assert len(titles) == len(set(titles)) == 4 + 4 + 4 + 1 + 4
+    assert len(titles) == len(set(titles)) == 4 + 4 + 6 + 1 + 4
     assert set(titles) >= WANTED.keys()
     assert {one.bare for one in cases} - {""} == {
         one.title for one in cases if one.section == GRAPH and not one.bare
