@@ -72,7 +72,7 @@ SECTIONS = {
 }
 TIMING = ("p50 [us]", "p99 [us]", "p99.9 [us]", "late [%]", "lost [%]")
 FACTOR, ALL, SPENT = "x real time", "all", "all [ms]"
-WANTED_CALLS = 900.0
+WANTED_CALLS = 825.0
 LOOP_S = 60.0
 LOOP_TRIALS: dict[str, MotionTrial | StageTrial] = {
     "closed loop, combined law, arm": MotionTrial(
@@ -426,7 +426,7 @@ def calls_by_room(ticks: int = 1000) -> Figures:
     """Return the Python calls of a tick by room, of the whole robot enabled in one thread.
 
     Counted in simulated time, so the same at each run of one version of Python. `trials` is the
-    harness, with its buses; what is not of this package stands under the name of its file.
+    harness; what is not of this package stands under the name of its file.
     """
     bench = OneThreadRobot(seed=3)
     try:

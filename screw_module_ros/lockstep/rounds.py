@@ -50,8 +50,8 @@ class Rounds:
     """The loops of one thread, which makes this object; its greenlet is the hub.
 
     turn: moves the time for a wait of the hub itself, called with the time that it waits for [ns].
-    serve: lets the rig answer what was sent. holds: returns whether time waits for a frame within
-    this process. earliest_ns: of the loops' waits, after `run_ready`.
+    serve: lets the rig answer what was sent, called with the time [ns]. holds: returns whether time
+    waits for a frame within this process. earliest_ns: of the loops' waits, after `run_ready`.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Rounds:
     def stand_still(self) -> None:
         """Have nobody who moves the time and answers frames."""
         self.turn: Callable[[int], object] | None = None
-        self.serve: Callable[[], object] = lambda: None
+        self.serve: Callable[[int], object] = lambda now_ns: None
 
     def add(self, run: Callable[[], object]) -> None:
         """Add a loop; it begins with the next round and is forgotten when it returns."""
@@ -150,7 +150,7 @@ class RoundsClock(SimulatedClock):
         self.rounds = Rounds()
         self.buses: dict[str, Any] = {}
         self.rounds.holds = self._holds
-        self._near: list[NearFrames] = []
+        self._near: list[MemberFrames] = []
         self._own.member = _MainMember(page, f"{name}/loops", self)
 
     def sleep_until(self, due_ns: int) -> None:
@@ -164,6 +164,19 @@ class RoundsClock(SimulatedClock):
         """Wait in the main thread until `until_ns`, or for something in one of `queues`."""
         if self.page.header[NOW] < until_ns and not self.rounds.wait(until_ns, queues):
             self._move(until_ns, queues)
+
+    def await_frame(self, until_ns: int, at: MemberFrames) -> bool:
+        """Wait until `until_ns`, or for a frame; the rig answers before a wait of the main thread.
+
+        Return True: the bus may also have ended. Raises TimeStandsStill.
+        """
+        if get_ident() != self.main:
+            self.member.wait(until_ns, (at,))
+        else:
+            self.rounds.serve(self.page.header[NOW])
+            if not at.queue:
+                self.await_any(until_ns, (at.queue,))
+        return True
 
     def _move(self, until_ns: int, queues: Sequence[Any]) -> None:
         header, rounds = self.page.header, self.rounds
@@ -189,11 +202,11 @@ class RoundsClock(SimulatedClock):
         """Return the arrivals of a bus: of one that is served here, what passes by calls."""
         if hasattr(frames, "join") or not hasattr(frames, "queue"):
             return super().arrivals(frames)
-        near = NearFrames(self, frames)
+        near = MemberFrames(self, frames)
         self._near = [*self._near, near]
         return near
 
-    def forget(self, closed: NearFrames) -> None:
+    def forget(self, closed: MemberFrames) -> None:
         """Forget the arrivals of a bus."""
         self._near = [each for each in self._near if each is not closed]
 
@@ -224,12 +237,36 @@ class _Released:
 
 
 class NearFrames:
-    """Frames of the rig for a member of its bus in the same process; a wait lets the rig answer."""
+    """Frames of the other ends of a bus in the same process, which pass by calls.
+
+    clock: its `await_frame` lets the rig answer, waits, and returns whether to look for a frame.
+    """
+
+    def __init__(self, clock: Any, bus: Any):
+        self._clock, self._bus, self.queue = clock, bus, bus.queue
+        self.expects = self.queue.__len__
+
+    def receive(self, until_ns: int) -> Any:
+        """Return the next frame; wait for it until `until_ns`, None without one."""
+        queue = self.queue
+        if not queue and until_ns and not self._clock.await_frame(until_ns, self):
+            return None
+        return queue.popleft() if queue else self._bus.receive_frame(0.0)
+
+    def sent(self) -> None:
+        """Do nothing: who waits for the frame looks for it."""
+
+    def close(self) -> None:
+        """Do nothing: the caller closes the bus."""
+
+
+class MemberFrames(NearFrames):
+    """Those for a member of the rig's bus, which any thread of the process may use."""
+
+    _clock: RoundsClock
 
     def __init__(self, clock: RoundsClock, bus: Any):
-        self._clock, self._bus = clock, bus
-        self.queue = bus.queue
-        self.expects = self.queue.__len__
+        super().__init__(clock, bus)
         page = clock.page
         with page.locked():
             self.row = page.take(page.end_pid, "bus, topic or service")
@@ -239,19 +276,6 @@ class NearFrames:
     def pending(self) -> bool:
         """Whether a frame waits."""
         return bool(self.queue)
-
-    def receive(self, until_ns: int) -> Any:
-        """Return the next frame; wait for it until `until_ns`, None without one."""
-        queue = self.queue
-        if not queue and until_ns:
-            clock = self._clock
-            if get_ident() != clock.main:
-                clock.member.wait(until_ns, (self,))
-            else:
-                clock.rounds.serve()
-                if not queue:
-                    clock.await_any(until_ns, (queue,))
-        return queue.popleft() if queue else self._bus.receive_frame(0.0)
 
     def sent(self) -> None:
         """Wake the main thread for a frame of another one: it serves the rig."""

@@ -24,7 +24,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.locks import lock_simulation
 from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
-from screw_module_ros.lockstep.page import NOW, Page, alive
+from screw_module_ros.lockstep.page import Page, alive
 from screw_module_ros.plant import plane_plant
 from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.plant.world import ArmSettings, World, load_world
@@ -212,7 +212,7 @@ class SimRigNode(Node):
         rig, rounds = self._rig, self._rounds
         if rounds is None:
             return
-        rounds.serve = lambda: rig.serve_expected(conductor.header[NOW])
+        rounds.serve = rig.serve_expected
         rounds.turn = partial(rig.turn, conductor, self._publish_due, rounds)
         self.opened.callback(rounds.stand_still)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import select
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -88,7 +88,7 @@ class Rig:
 
     def __init__(
         self,
-        buses: dict[str, can.BusABC],
+        buses: Mapping[str, can.BusABC],
         world: World,
         clock: Clock | None = None,
         period_ns: int = 1_000_000,
@@ -133,11 +133,7 @@ class Rig:
         """Serve requests and every waiting frame; return the number of frames."""
         if self._requests:
             self._serve_requests()
-        handled, waiting = 0, self._distinct
-        while waiting and handled < _MOST_FRAMES:
-            waiting = [port for port in waiting if port.receive(now_ns)]
-            handled += len(waiting)
-        return handled
+        return self.serve_expected(now_ns)
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Serve the buses in real time until `should_stop()`.
@@ -212,14 +208,16 @@ class Rig:
             conductor.release()
         return False
 
-    def serve_expected(self, now_ns: int) -> None:
-        """Handle the frames of the members of simulated time, one from each bus in turn."""
-        served = True
-        while served:
-            served = False
+    def serve_expected(self, now_ns: int) -> int:
+        """Handle the frames that time waits for, one from each bus in turn; return their number."""
+        handled, served = 0, 1
+        while served and handled < _MOST_FRAMES:
+            served = 0
             for port in self._distinct:
                 if port.queue or (port.far and port.expects()):
-                    served |= port.receive(now_ns)
+                    served += port.receive(now_ns)
+            handled += served
+        return handled
 
     def _serve_uncounted(self, now_ns: int) -> None:
         """Admit new members of the buses and handle the frames of foreign ones: once per step."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole robot in one thread: the loops of the nodes, virtual buses, the simulated rig.
+"""The whole robot in one thread: the loops of the nodes, the buses, the simulated rig.
 
 `tick` is one period of both loops. Their waits serve the rig and move the time.
 """
@@ -7,19 +7,12 @@
 from __future__ import annotations
 
 import math
-import threading
-import uuid
-from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
-import can
-from can.interfaces.virtual import VirtualBus
-
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.can_io.frames import Frame, word_of
 from screw_module_ros.can_io.port import Port
-from screw_module_ros.clock import ManualClock, PlainArrivals
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.control import arms
 from screw_module_ros.control.law import Law
 from screw_module_ros.control.laws import LAWS, flaw
@@ -40,6 +33,7 @@ from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 from screw_module_ros.geometry import SCREW, Screw
+from screw_module_ros.lockstep.rounds import NearFrames, Rounds
 from screw_module_ros.loop import gate
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
@@ -59,6 +53,7 @@ from screw_module_ros.profiles import (
     NETCANOEM,
     load,
 )
+from screw_module_ros.rig.local_bus import LocalHub
 from screw_module_ros.rig.rig import Rig, RigSettings
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.safety.permit import PermitSettings
@@ -75,106 +70,32 @@ Answer = TypeVar("Answer")
 
 
 class OneThreadClock(ManualClock):
-    """A wait of the loop's thread serves the rig and moves time; another one waits for that thread.
+    """A wait of the loops serves the rig and moves time; one of an act ends between two ticks.
 
-    `settle` lets the other thread run until it waits again, so that a run can be repeated exactly.
+    rounds: the acts that wait, each a greenlet.
     """
 
     def __init__(self) -> None:
         super().__init__(_START_NS)
-        self.serve: Callable[[], object] = lambda: None
-        self._loop = threading.current_thread()
-        self._turn = threading.Condition()
-        self._may_go_on = True
-        self._due_ns: int | None = None  # until when the other thread waits; None while it works
+        self.rounds = Rounds()
 
     def sleep_until(self, due_ns: int) -> None:
-        """Advance the time to `due_ns`."""
-        if threading.current_thread() is self._loop:
+        """Advance the time to `due_ns`; in an act, return when it is."""
+        if self.time_ns >= due_ns or not self.rounds.wait(due_ns):
             self.time_ns = max(self.time_ns, due_ns)
-            self.serve()
-            if self._due_ns is not None:
-                with self._turn:
-                    self._turn.notify_all()
-            return
-        with self._turn:
-            self._due_ns = due_ns
-            self._turn.notify_all()
-            self._turn.wait_for(lambda: self._may_go_on and self.time_ns >= due_ns)
-            self._due_ns = None
+            self.rounds.serve(self.time_ns)
 
-    def settle(self, ended: list) -> None:
-        """Wait until the other thread waits for a later time, or has put something in `ended`.
+    def arrivals(self, frames: Any) -> NearFrames:
+        """Return the arrivals of a bus."""
+        return NearFrames(self, frames)
 
-        Until it has, only meanwhile it goes on: within a tick it would find things now done and
-        now not yet.
-        """
-        with self._turn:
-            self._may_go_on = True
-            self._turn.notify_all()
-            self._turn.wait_for(lambda: ended or (self._due_ns or 0) > self.time_ns)
-            self._may_go_on = bool(ended)
-
-    def run(self, work: Callable[[], object], ended: list) -> None:
-        """Do the other thread's work, and note in `ended` that it is done."""
-        work()
-        with self._turn:
-            ended.append(True)
-            self._turn.notify_all()
-
-    def arrivals(self, frames: Any) -> Served:
-        """Return the arrivals of a bus; a wait for a frame lets the rig answer."""
-        return Served(self, frames)
-
-
-class Served(PlainArrivals):
-    """What the rig sends on one bus: it may answer before time moves."""
-
-    _clock: OneThreadClock
-
-    def receive(self, until_ns: int) -> Frame | None:
-        """Return the next frame; None without one, when time has moved to `until_ns`."""
-        waiting = self._frames.queue
-        if not waiting and until_ns:
-            self._clock.serve()
-            if not waiting:
-                self._clock.sleep_until(until_ns)
-                return None
-        return waiting.popleft() if waiting else None
-
-
-class FrameQueue(deque):
-    """Frames that wait at one end of a bus; python-can's own ends put messages into it."""
-
-    def put(self, message: can.Message, **_: Any) -> None:
-        """Take a message."""
-        self.append((word_of(message), bytes(message.data)))
-
-
-class InProcessBus(VirtualBus):
-    """python-can's `virtual` bus without a message for each frame and a lock for each queue."""
-
-    queue: Any  # a FrameQueue, in place of a `queue.Queue`
-    channel: list[Any]
-
-    def __init__(self, channel: str):
-        super().__init__(channel)
-        at = next(i for i, queue in enumerate(self.channel) if queue is self.queue)
-        self.queue = self.channel[at] = FrameQueue()
-
-    def send_frame(self, can_id: int, data: bytes) -> None:
-        """Hand a plain frame to every other end of the channel."""
-        for queue in self.channel:
-            if type(queue) is FrameQueue:
-                if queue is not self.queue:
-                    queue.append((can_id, data))
-            else:
-                message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
-                queue.put(message)
-
-    def receive_frame(self, _timeout_s: float) -> Frame | None:
-        """Return the next frame, None without one; never waits."""
-        return self.queue.popleft() if self.queue else None
+    def await_frame(self, until_ns: int, at: NearFrames) -> bool:
+        """Let the rig answer; return whether it has before `until_ns`, when it is that time."""
+        self.rounds.serve(self.time_ns)
+        if at.queue:
+            return True
+        self.sleep_until(until_ns)
+        return False
 
 
 class Row(NamedTuple):
@@ -208,7 +129,7 @@ class OneThreadRobot:
     laws: with those of others; work_ns: processor time that a law counts as used [ns], see
     `LawRunner`; screw: for which encoder and amplifier are set, amplifier_screw: the
     amplifier where it is another. plane_law, arm: of the plane's
-    controller; plane_plant: the simulated arm.
+    controller; plane_plant: the simulated arm. buses: the rig's ends; `join` makes another member.
     """
 
     def __init__(
@@ -228,9 +149,7 @@ class OneThreadRobot:
         plane_plant: PlanePlant = MANUS_PLANT,
     ):
         turning = amplifier_screw or screw
-        name = uuid.uuid4().hex
-        self._buses: list[can.BusABC] = []
-        far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
+        self.buses = {bus: LocalHub(bus) for bus in BUSES}
         self.world = World(world or load_world(), seed, plane=plane_plant)
         self.clock = OneThreadClock()
         self.requests = Requests(self.clock)
@@ -245,10 +164,13 @@ class OneThreadRobot:
             if wrong := flaw(law):
                 raise SettingError(f"law {law.name}: {wrong}")
         _check_plane(plane_law, arm)
-        self.rig = Rig(far, self.world, self.clock, PERIOD_NS, settings)
-        self.clock.serve = self._serve
+        self.rig = Rig(self.buses, self.world, self.clock, PERIOD_NS, settings)
+        self.clock.rounds.serve = self._serve
         self._kept_ns = 0
-        self.ports = {bus: Port(self._bus(f"{name}-{bus}"), clock=self.clock) for bus in BUSES}
+        self.ports = {
+            bus: Port(hub.join(), clock=self.clock, open_anew=hub.join)
+            for bus, hub in self.buses.items()
+        }
         self.home = self.world.settings.start.position
         counting = EncoderSettings(home_position=self.home, **counter.simulated.parameters)
         self.encoder = Encoder(self.ports["encoder"], counting, screw, profile=counter)
@@ -316,11 +238,6 @@ class OneThreadRobot:
         wires = Wires(publish_sample=self._on_sample, publish_force=self._on_force)
         self.vertical = VerticalLoop(clock, PERIOD_NS, wires)
 
-    def _bus(self, channel: str) -> can.BusABC:
-        bus = InProcessBus(channel)
-        self._buses.append(bus)
-        return bus
-
     @property
     def now_ns(self) -> int:
         """The time [ns]."""
@@ -373,25 +290,20 @@ class OneThreadRobot:
         return self.served(lambda: self.plane.clear_fault(self.requests))
 
     def served(self, act: Callable[[], Answer]) -> Answer:
-        """Return what an act returns that runs in a thread while the loop ticks, as services do.
+        """Return what an act returns that waits while the loops tick, as services do.
 
-        Raises what the act raises.
+        It goes on between two ticks, until it waits for a later time: within a tick it would find
+        things now done and now not yet. Raises what the act raises.
         """
-        ended: list[bool] = []
-        asked = Requests(self.clock)
-        answer = asked.put(act)
-        thread = threading.Thread(
-            target=self.clock.run, args=(asked.serve, ended), daemon=True
-        )  # a failing test must end
+        rounds, answers = self.clock.rounds, list[Answer]()
+        rounds.add(lambda: answers.append(act()))
         for port in self.ports.values():
-            port.pump()  # as loops do that tick: else the thread reads itself, and they wait for it
-        thread.start()
-        self.clock.settle(ended)
-        while not ended:
+            port.pump()  # as loops do that tick: else the act reads, and they wait for it
+        rounds.run_ready(self.now_ns)
+        while not answers:
             self.tick()
-            self.clock.settle(ended)
-        thread.join()
-        return answer.result()
+            rounds.run_ready(self.now_ns)
+        return answers[0]
 
     # Running -------------------------------------------------------------------------------
 
@@ -426,12 +338,11 @@ class OneThreadRobot:
         commanded = self.roles if self.commanding else self.roles._replace(controller=None)
         self.vertical.step(commanded)
         self.plane.step()
-        self._serve()
+        self._serve(self.now_ns)
         self.rows.append(self._row(self._sample))
 
-    def _serve(self) -> None:
+    def _serve(self, now_ns: int) -> None:
         """Let the rig answer; its timers run once for each time, as in lock step."""
-        now_ns = self.now_ns
         if now_ns == self._kept_ns:
             self.rig.serve(now_ns)
         else:
@@ -463,5 +374,7 @@ class OneThreadRobot:
     def close(self) -> None:
         """Close all buses."""
         self.rig.close()
-        for bus in self._buses:
-            bus.shutdown()
+        for port in self.ports.values():
+            port.close()
+        for hub in self.buses.values():
+            hub.shutdown()

@@ -17,6 +17,6 @@ def bench():
     """A robot whose devices are there and not configured."""
     made = OneThreadRobot()
     made.clock.time_ns += 100_000_000  # the devices have booted
-    made.clock.serve()
+    made.clock.rounds.serve(made.now_ns)
     yield made
     made.close()

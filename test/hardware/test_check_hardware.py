@@ -133,13 +133,13 @@ def test_missing_sensor(bench):
 def test_second_master(bench):
     """Somebody sends our drive's commands, at 1 kHz."""
     far = bench.rig.devices["drive"].link
-    serve = bench.clock.serve
+    serve = bench.clock.rounds.serve
 
-    def command_too():
+    def command_too(now_ns):
         far.send(0x201, b"\x06\x00\x00\x00")
-        serve()
+        serve(now_ns)
 
-    bench.clock.serve = command_too
+    bench.clock.rounds.serve = command_too
     (line,) = devices.configured(bench.drive, "amplifier")
     assert "somebody already commands" in line.found
 
@@ -154,18 +154,18 @@ def test_busy_bus(bench):
 
 def talker(bench, bus, *frames):
     """Let somebody send these frames (identifier, data) on a bus, each millisecond."""
-    far, serve = bench.rig.devices[bus].link.port, bench.clock.serve
+    far, serve = bench.rig.devices[bus].link.port, bench.clock.rounds.serve
     due_ns = bench.now_ns
 
-    def talk():
+    def talk(now_ns):
         nonlocal due_ns
-        if bench.now_ns >= due_ns:
-            due_ns = bench.now_ns + PERIOD_NS
+        if now_ns >= due_ns:
+            due_ns = now_ns + PERIOD_NS
             for frame in frames:
                 far.send(*frame)
-        serve()
+        serve(now_ns)
 
-    bench.clock.serve = talk
+    bench.clock.rounds.serve = talk
 
 
 @pytest.mark.parametrize(

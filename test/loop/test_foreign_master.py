@@ -24,7 +24,7 @@ class Intruder:
 
     def __init__(self, robot):
         self._robot = robot
-        self.bus = can.Bus(interface="virtual", channel=robot.ports["drive"].bus.channel_id)
+        self.bus = robot.buses["drive"].join()
 
     def _send(self, can_id, data):
         self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))

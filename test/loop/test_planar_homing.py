@@ -137,7 +137,7 @@ def test_after_a_foreign_sdo_client_the_plane_must_be_homed_again(bench, node_id
     """Shifted counts are no jump: the drive was silent while it was configured anew."""
     assert bench.plane.controller.homed
     data = struct.pack("<BHBi", 0x23, HOME_OFFSET, 0, 1000)
-    with can.Bus(interface="virtual", channel=bench.ports["planar"].bus.channel_id) as intruder:
+    with bench.buses["planar"].join() as intruder:
         request = can.Message(arbitration_id=0x600 + node_id, data=data, is_extended_id=False)
         intruder.send(request)
         bench.ticks(5)

@@ -62,6 +62,12 @@ def join(hub, channel):
         getattr(each, "bus", each).shutdown()
 
 
+@pytest.fixture(params=["far far far", "near far far", "far near near", "near near near"])
+def members(request, hub, join):
+    """Three members, each in another process than the rig's (far) or in its own (near)."""
+    return [join() if at == "far" else join(hub.join) for at in request.param.split()]
+
+
 def frame(message: can.Message) -> tuple[int, bytes]:
     """What a loop gets of a plain frame."""
     return message.arbitration_id, bytes(message.data)
@@ -75,8 +81,8 @@ def same(one: can.Message, other: can.Message) -> bool:
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"{frame.arbitration_id:x}")
-def test_a_frame_reaches_the_rig_and_every_other_member(hub, join, frame):
-    sender, one, other = join(), join(), join()
+def test_a_frame_reaches_the_rig_and_every_other_member(hub, members, frame):
+    sender, one, other = members
     sender.send(frame)
     for bus in (hub, one, other):
         assert same(bus.recv(5.0), frame)
@@ -101,16 +107,14 @@ def test_a_packet_is_a_frame_of_linux(hub, join, channel):
             assert raw.recv(99) == expected
 
 
-def test_fd_frames_are_refused(hub, join):
-    member = join()
-    for bus in (hub, member):
+def test_fd_frames_are_refused(hub, members):
+    for bus in (hub, *members):
         with pytest.raises(can.CanOperationError, match="carries no CAN FD frames"):
             bus.send(can.Message(arbitration_id=1, is_fd=True, data=bytes(12)))
 
 
-def test_nothing_there(hub, join):
-    member = join()
-    for bus in (hub, member):
+def test_nothing_there(hub, members):
+    for bus in (hub, *members):
         assert bus.recv(0.0) is None
         assert bus.recv(0.001) is None
 
