@@ -270,7 +270,8 @@ class MemberFrames(NearFrames):
         page = clock.page
         with page.locked():
             self.row = page.take(page.end_pid, "bus, topic or service")
-            page.channel[self.row], page.waiter[self.row] = 0, NOBODY
+            # A channel of its own: nothing here is counted.
+            page.channel[self.row], page.waiter[self.row] = -1 - self.row, NOBODY
 
     @property
     def pending(self) -> bool:
