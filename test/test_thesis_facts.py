@@ -10,6 +10,7 @@ whose comment names a key.
 from __future__ import annotations
 
 import ast
+import functools
 import io
 import math
 import re
@@ -131,6 +132,7 @@ def _beside(lines: list[str], number: int) -> str:
     return comment if mark else above.removeprefix("#") if above.startswith("#") else ""
 
 
+@functools.cache
 def comments_of(text: str) -> dict[int, str]:
     """Return the comments of a Python text by line."""
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
@@ -217,6 +219,7 @@ def test_every_key_that_a_comment_names_exists():
     assert {key: file for key, file in named.items() if key not in thesis.facts()} == {}
 
 
+@functools.cache
 def written(file: Path) -> list[str]:
     """Return the comments and docstrings of a file."""
     text = file.read_text("utf-8")

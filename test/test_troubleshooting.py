@@ -86,7 +86,12 @@ PATTERNS = _patterns()
 SAID = sorted(
     {text for pattern in COVERED for path in PACKAGE.glob(pattern) for text in _sentences(path)}
 )
-EVERYWHERE = [text for path in PACKAGE.rglob("*.py") for text in _sentences(path)]
+
+
+@pytest.fixture(scope="module")
+def everywhere() -> list[str]:
+    """Return the texts of the whole package."""
+    return [text for path in PACKAGE.rglob("*.py") for text in _sentences(path)]
 
 
 @pytest.mark.parametrize("sentence", SAID)
@@ -96,8 +101,8 @@ def test_every_diagnostic_sentence_has_a_remedy(sentence):
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_every_remedy_is_of_a_sentence_that_a_node_can_say(pattern):
-    assert any(re.search(pattern, sentence) for sentence in EVERYWHERE)
+def test_every_remedy_is_of_a_sentence_that_a_node_can_say(pattern, everywhere):
+    assert any(re.search(pattern, sentence) for sentence in everywhere)
 
 
 @pytest.mark.parametrize("pattern", NOT_SAID)
