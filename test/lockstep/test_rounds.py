@@ -103,15 +103,13 @@ def test_a_loop_that_waits_for_a_silent_device_lets_the_others_run(process):
     assert seen == [("other", 1), (0, 2), ("other", 2), ("other", 3)]
 
 
-def test_the_rig_answers_before_the_wait(process):
-    port = process.port()
-
-    def asks():
-        process.clock.sleep_until(START_NS + MS)
-        port.send(*ASK)
-        process.tell(port.pump(START_NS + 5 * MS) > 0)
-
-    assert process.run(asks) == [(True, 1)]
+def test_a_frame_for_the_rig_holds_time_and_one_for_a_loop_does_not(process):
+    assert not process.rounds.holds()
+    process.port().send(*ASK)
+    assert process.rounds.holds()
+    process.rig.serve_expected(START_NS)
+    assert not process.rounds.holds()
+    assert process.ports[0].pump() > 0
 
 
 def test_what_comes_into_a_queue_ends_a_wait(process):
