@@ -53,7 +53,7 @@ def chain_of(nodes: list[Any]) -> Callable[[list[Node]], None]:
     loop = VerticalLoop(encoder.clock, period_ns, wires)
 
     def step(active: list[Node]) -> None:
-        loop.step(Roles(*(node.role if node in active else None for node in nodes)))
+        loop.step(Roles(*[node.role if node in active else None for node in nodes]))
 
     return step
 

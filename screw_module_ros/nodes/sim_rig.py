@@ -248,7 +248,8 @@ class SimRigNode(Node):
         return self._is_over()
 
     def _publish_due(self, now_ns: int) -> None:
-        self.service.wake_if_due()
+        if self.periodic.is_due():
+            self.service.wake()
         if self._truth_due(now_ns):
             self._publish_truth()
         if self._time is not None and self._clock_due(now_ns):
@@ -261,7 +262,7 @@ class SimRigNode(Node):
         self.stamp(message.header)
         for name, value in self._world.truth()._asdict().items():
             setattr(message, name, list(value) if isinstance(value, tuple) else value)
-        message.slipped = self._rig.counters.slipped
+        message.slipped = self._rig.physics.slipped
         self._publish(message)
 
     # Services: the rig's own thread carries out their changes between two frames -------------

@@ -224,7 +224,10 @@ class Permit:
     @property
     def drive_fault(self) -> str:
         """The fault of the first faulty drive, empty if none."""
-        return next((drive.fault for drive in self.drives if drive.fault), "")
+        for drive in self.drives:
+            if fault := drive.fault:
+                return fault
+        return ""
 
     @property
     def enabled(self) -> bool:

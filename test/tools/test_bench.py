@@ -22,17 +22,24 @@ from bench import (
     FACTOR,
     GRAPH,
     LOOP,
+    NODES,
+    ONE,
+    OVER,
     SEPARATE,
     SPENT,
     STEPS,
     SUBSCRIBED,
+    THREAD,
     WANTED,
     WANTED_CALLS,
+    WITH_RECORDER,
     Case,
     Counts,
     PageReader,
     calls_by_room,
+    calls_of_nodes,
     cases_of,
+    compare,
     content_of,
     figures,
     limit,
@@ -44,6 +51,7 @@ from bench import (
 from screw_module_ros.clock import WallClock
 from screw_module_ros.resources import resource_path
 from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
+from screw_module_ros.trials.runner import own_place
 
 BIN = BIN_NS * 1e-3  # us
 DEADLINE_S = 20.0
@@ -104,12 +112,12 @@ def test_every_case_is_measured_once_and_every_wish_has_its_case(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     cases = cases_of((SEPARATE, COMPOSED, STEPS, CALLS, LOOP), (1000, 2000), True, 5.0, None)
     titles = [one.title for one in cases]
-    assert len(titles) == len(set(titles)) == 4 + 4 + 6 + 1 + 4
+    assert len(titles) == len(set(titles)) == 4 + 4 + 6 + 2 + 4
     assert set(titles) >= WANTED.keys()
     assert {one.bare for one in cases} - {""} == {
         one.title for one in cases if one.section == GRAPH and not one.bare
     }
-    assert [one.section for one in cases_of((CALLS,), (1000,), True, 5.0, None)] == [CALLS]
+    assert [one.section for one in cases_of((CALLS,), (1000,), True, 5.0, None)] == [CALLS] * 2
 
 
 def test_what_is_wanted_is_judged_and_nothing_else():
@@ -167,6 +175,27 @@ def test_lock_step_and_loop_are_judged_by_case():
     assert shown(LOOP, loops).count("MISSED") == 1
 
 
+def test_one_process_is_compared_with_the_runs_of_its_turn_and_the_median_is_judged():
+    separate, composed, one, recorded = (
+        case(STEPS, title) for title in (SEPARATE, COMPOSED, ONE, COMPOSED + WITH_RECORDER)
+    )
+    measured = {separate: [], composed: [], one: [], recorded: []}
+    for spent in ((3.0, 1.2, 0.5), (6.0, 1.0, 1.0), (4.0, 2.2, 1.0), (2.0, 9.9)):
+        turn = {c: {SPENT: ms} for c, ms in zip((separate, composed, one), spent, strict=False)}
+        compare({c.title: run for c, run in turn.items()})  # the last without one process
+        for c, run in turn.items():
+            measured[c].append(run)
+    recorded_run = {SPENT: 2.0}
+    compare({ONE: {SPENT: 0.5}, recorded.title: recorded_run})  # what has no recorder is no measure
+    measured[recorded].append(recorded_run)
+    row = line(shown(STEPS, measured), OVER)
+    assert "6 (4..6)" in row and "2.2 (1..2.4), wanted 2: reached" in row
+    assert row.count("wanted") == 1
+    cases = list(measured)
+    content = content_of(cases, {c.title: runs for c, runs in measured.items()}, 1.0)
+    assert content["cases"][1]["figures"][OVER]["runs"] == pytest.approx([2.4, 1.0, 2.2])
+
+
 @pytest.fixture
 def uncollected():
     """No garbage collection: where hypothesis ran before, each one calls it."""
@@ -181,7 +210,20 @@ def test_a_tick_keeps_to_its_budget_of_calls_and_each_count_is_the_same():
     assert counts[0] == counts[1]
     assert {"rig", "devices", "control", "safety", "loop", "plant"} <= counts[0].keys()
     total = counts[0].pop(ALL)
-    assert total == pytest.approx(sum(counts[0].values())) and total <= WANTED_CALLS
+    assert total == pytest.approx(sum(counts[0].values())) and total <= WANTED_CALLS[THREAD]
+
+
+@pytest.mark.long
+@pytest.mark.graph
+def test_the_nodes_in_one_process_keep_to_their_budget_of_calls():
+    place = own_place()
+    try:
+        counts = calls_of_nodes()
+    finally:
+        place.release()
+    assert {"rig", "devices", "control", "safety", "loop", "nodes", "lockstep"} <= counts.keys()
+    total = counts.pop(ALL)
+    assert total == pytest.approx(sum(counts.values())) and total <= WANTED_CALLS[NODES]
 
 
 def test_sleeping_is_a_voluntary_switch():

@@ -8,6 +8,7 @@ subscriptions directly from a wait set, and the executor ignores them (`HotGroup
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -150,7 +151,7 @@ class Subscription:
         if end is None:
             return self._received()
         early = self._wakes if early is None else early
-        found = self._released(early)
+        found = None if self._kept is None else self._released(self._kept, early)
         while self._kept is None and (found is None or self._depth == 1):
             message = self._taken(end, early)
             if message is None:
@@ -197,10 +198,11 @@ class Subscription:
         self._stamp_ns = taken[1]["received_timestamp"]
         return taken[0]
 
-    def _released(self, early: bool) -> Any:
-        if self._kept is None or (self._kept[0] == self._clock.now_ns() and not early):
+    def _released(self, kept: tuple[int, Any], early: bool) -> Any:
+        if kept[0] == self._clock.now_ns() and not early:
             return None
-        (self._arrived_ns, message), self._kept = self._kept, None
+        self._kept = None
+        self._arrived_ns, message = kept
         return message
 
     def _taken(self, end: End, early: bool) -> Any:
@@ -293,7 +295,7 @@ def _taker(handle: Any, kind: type | Layout) -> Callable[[], Any]:
     """Return a function that takes a message, or a record, with the middleware's info on it."""
     take_message = handle.take_message
     if not isinstance(kind, Layout):
-        return lambda: take_message(kind, False)
+        return partial(take_message, kind, False)
     message_type, unpack = kind
 
     def take() -> Any:
@@ -314,4 +316,5 @@ def never(message: Any) -> None:
 
 def fill_stamp(message: Any, stamp_ns: int) -> None:
     """Write `stamp_ns` (ns since the epoch) into the flat message's stamp."""
-    message.stamp.sec, message.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+    stamp = message.stamp
+    stamp.sec, stamp.nanosec = divmod(stamp_ns, 1_000_000_000)

@@ -340,7 +340,8 @@ class Node(LifecycleNode):
 
         Meanwhile the node closes nothing that the step uses.
         """
-        self.service.wake_if_due()
+        if self.periodic.is_due():
+            self.service.wake()
         self._stepping.acquire()
         if self._active.is_set():
             return True

@@ -175,13 +175,12 @@ class ServiceThread:
         with self.working():  # also without a call: the loop may have held time for one just made
             self._timers.run()
 
-    def wake_if_due(self) -> None:
-        """Wake this thread when a call is due, and hold time for it; for the loop's thread."""
-        if self._timers.is_due():
-            if self._works.acquire(blocking=False):  # else it works, and may need time
-                self._hold_if_due()
-                self._works.release()
-            self._woken.trigger()  # not `Executor.wake`: its `spin_once` sleeps again
+    def wake(self) -> None:
+        """Wake this thread for a call that is due, and hold time for it; for the loop's thread."""
+        if self._works.acquire(blocking=False):  # else it works, and may need time
+            self._hold_if_due()
+            self._works.release()
+        self._woken.trigger()  # not `Executor.wake`: its `spin_once` sleeps again
 
     def _hold_if_due(self) -> None:
         if self._timers.is_due():
