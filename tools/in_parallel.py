@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands beside each other: `python tools/beside.py COMMAND COMMAND...`, each a line for `sh`.
+"""Commands in parallel: `python tools/in_parallel.py COMMAND COMMAND...`, each a line for `sh`.
 
 What a command prints is shown whole when it has ended, so that two do not mix. The first that
 fails ends the others, as Ctrl-C does; this run then fails, and its last line names that command.

@@ -28,7 +28,7 @@ def started(tmp_path):
 
     def start(*commands: str) -> subprocess.Popen:
         return subprocess.Popen(
-            [sys.executable, ROOT / "tools/beside.py", *commands],
+            [sys.executable, ROOT / "tools/in_parallel.py", *commands],
             cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
 
