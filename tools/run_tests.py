@@ -20,7 +20,8 @@ import isolation
 import leftovers
 
 LEAVE_S = 3.0
-WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile", "--durations", "20"]
+BY_FILE = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of test/conftest.py
+WHOLE_SUITE = ["-p", "xdist", "-n", "2", *BY_FILE, "--durations", "20"]
 SUITE = [*WHOLE_SUITE, "-m", "not long and not fault"]
 WORKERS = ["-n", str(len(os.sched_getaffinity(0))), "--dist", "worksteal"]
 FAULTS = ["test/faults", "-p", "xdist", *WORKERS, "-v"]

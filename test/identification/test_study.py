@@ -98,6 +98,7 @@ def rows_in(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_a_thread")
 def test_a_law_of_another_package_stands_beside_the_shipped_ones(tmp_path):
     """On the same rigs, in the same trials; one row for each rig and mode."""

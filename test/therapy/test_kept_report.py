@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 from pathlib import Path
@@ -24,32 +25,38 @@ _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]+")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d")  # local time of who recorded it
 
 
+@functools.cache
 def bag() -> list[Recorded]:
     return read_sessions(BAG)
 
 
+@functools.cache
 def plane() -> list[Recorded]:
     """Two sessions in the plane, the second one ended early."""
     first, second = (recorded(HEALTHY, short(CLOCK), *k) for k in ((1, 0), (2, 2)))
     return [first, second._replace(trials=second.trials[:6], acts=second.acts[:-1])]
 
 
+@functools.cache
 def unaided() -> list[Recorded]:
     """Somebody who reaches nothing, without adaptation."""
     protocol = short(CLOCK, rules=CLOCK.rules._replace(give_up=2.0), adaptation=None)
     return [recorded(FEEBLE._replace(reach=0.3), protocol, 1)]
 
 
+@functools.cache
 def evaluation() -> list[Recorded]:
     """What is not a reach."""
     return [recorded(HEALTHY, brief(load_protocol("evaluation"), 1.0, 1), 1)]
 
 
+@functools.cache
 def vertical() -> list[Recorded]:
     """Nothing of the sides: a path up and down has no error, and there are no side walls."""
     return [recorded(HEALTHY, short(ELEVATOR), 1)]
 
 
+@functools.cache
 def vertical_unadapted() -> list[Recorded]:
     """The same, with fixed assistance."""
     return [recorded(HEALTHY, short(ELEVATOR, adaptation=None), 1)]

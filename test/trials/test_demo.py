@@ -15,6 +15,7 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
 from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.recording.recorder import Recording
+from screw_module_ros.trials import demo
 from screw_module_ros.trials.demo import (
     COMMANDED,
     FORCE_FEEDBACK,
@@ -171,10 +172,16 @@ def test_a_missed_deadline_is_said_plainly(good):
     assert not missed.accepted
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Draw nothing: that takes most of the time, and `good` has the figures."""
+    monkeypatch.setattr(demo, "save", lambda figure, file: file)
+
+
 @pytest.mark.parametrize(
     "beyond", [(6.0, 1.5, 0.2), (14.0, 1.5, 0.2), (9.5, 3.5, 0.2), (9.5, 1.5, 1.1)]
 )
-def test_an_offset_out_of_bounds_is_said_plainly(tmp_path, beyond):
+def test_an_offset_out_of_bounds_is_said_plainly(undrawn, tmp_path, beyond):
     bag = write_bag(tmp_path / "session", beyond)
     results = evaluated(bag, parts(), tmp_path)
     assert "MISSED" in shown(results)
@@ -191,7 +198,7 @@ def test_figures_and_numbers_are_written(good):
     assert told["recorded"]["/handle/force"]["lost"] == 10
 
 
-def test_the_bag_is_dropped_only_when_asked_for(good, tmp_path):
+def test_the_bag_is_dropped_only_when_asked_for(good, undrawn, tmp_path):
     assert good[1].bag.is_dir()
     bag = write_bag(tmp_path / "session", (9.5, 1.5, 0.2))
     results = evaluated(bag, parts(), tmp_path, keep_bag=False)
