@@ -47,6 +47,10 @@ _buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--write", action="store_true", help="rewrite generated files, like faults.md")
+    parser.addoption(
+        "--arrangement", choices=("apart", "composed"),
+        help="fault rows: carry out each so, where it can be",
+    )  # fmt: skip
 
 
 @pytest.hookimpl(wrapper=True)

@@ -20,6 +20,8 @@ import rows_trials
 from record import LARGEST_STEP
 from row import EITHER, GOES_ON, OFF, OUTCOMES, VERTICAL_OFF, Row
 
+from screw_module_ros.graph import MODULE, WHOLE, Entry
+
 _FILES = (
     rows_nodes,
     rows_bus,
@@ -37,13 +39,36 @@ _FILES = (
     rows_trials,
 )
 ROWS: list[Row] = [row for file in _FILES for row in file.ROWS]
+GROUPS = tuple(dict.fromkeys(row.group for row in ROWS))
+ARRANGEMENTS = {"apart": None, "composed": MODULE}
+_EVERY = 10
+
+
+def carried_out(arrangement: str | None = None) -> list[Row]:
+    """Return the rows as `make faults` carries them out: some in one process, composed as well.
+
+    arrangement: a name of ARRANGEMENTS, in which each row is carried out once, where it can be.
+    """
+    if arrangement:
+        return [_in(row, ARRANGEMENTS[arrangement]) for row in ROWS]
+    sample = [
+        row._replace(name=f"{row.name}-composed", shared=MODULE)
+        for group in GROUPS
+        for row in [row for row in ROWS if row.group == group and row.shared is WHOLE][::_EVERY]
+    ]
+    return ROWS + sample
+
+
+def _in(row: Row, shared: Entry | None) -> Row:
+    needs_more = row.shared is None or row.name.startswith(MODULE.executable) and shared is None
+    return row if needs_more else row._replace(shared=shared)
 
 
 def page() -> str:
     """Return docs/faults.md."""
     states = "\n".join(f"- *{name}*: {text}" for name, text in OUTCOMES.items())
-    lines = [_HEAD.format(count=len(ROWS), step=LARGEST_STEP, states=states)]
-    for group in dict.fromkeys(row.group for row in ROWS):
+    lines = [_HEAD.format(count=len(ROWS), every=_EVERY, step=LARGEST_STEP, states=states)]
+    for group in GROUPS:
         members = [row for row in ROWS if row.group == group]
         lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
         lines += map(_line, members)
@@ -71,11 +96,15 @@ _HEAD = """<!-- made by `make test ARGS="test/faults --write"`; do not edit -->
 `make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
 time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
 moves the handle. Parameters are the defaults, but for the ramp of the torque: 0.25 s, half of the
-default, so that a step on recovery is twice as large. The nodes of the vertical axis run as one
-process (`module`), or separately in the rows about one of them or about a topic between them. Each
-row can fail for a reason of its own; unit tests cover what all nodes, modes, fields or parameters
-have in common. Each row is a test below `test/faults/`: `make faults ARGS="-k encoder-freeze"`
-carries out one of them.
+default, so that a step on recovery is twice as large. All nodes run in one process (`whole`). In
+rows about a process, or about a foreign sender on a topic within that one, the nodes of the
+vertical axis share a process (`module`) and the others have their own; in rows about one of these
+nodes, or about a topic between them, each node has its own. One in {every} of the rows in one
+process, and at least one of each group, is carried out with `module` as well, with the same limits.
+`make faults ARGS=--arrangement=composed` carries out all that can be with `module`, and
+`--arrangement=apart` in separate processes. Each row can fail for a reason of its own; unit tests
+cover what all nodes, modes, fields or parameters have in common. Each row is a test below
+`test/faults/`: `make faults ARGS="-k encoder-freeze"` carries out one of them.
 
 If the robot must stop, a row passes when
 

@@ -12,6 +12,9 @@ import pytest
 from fault_robot import FaultRobot
 from row import Row
 
+from screw_module_ros.graph import MODULE, WHOLE, Entry
+
+_ORDER = (None, MODULE, WHOLE)
 LAWS = Path(__file__).parents[1] / "loop"
 """Folder of `laws_of_others`, which the robot's controller imports."""
 
@@ -26,9 +29,9 @@ class Robots:
     @contextmanager
     def for_row(self, row: Row) -> Iterator[FaultRobot]:
         """Yield the running robot, in operation; where the row fails, recover or end it."""
-        if self._robot is not None and self._robot.apart != row.apart:
+        if self._robot is not None and self._robot.shared != row.shared:
             self.end()
-        self._robot = robot = self._robot or FaultRobot(row.apart, self._folder)
+        self._robot = robot = self._robot or FaultRobot(row.shared, self._folder)
         try:
             robot.begin(row)
             yield robot
@@ -54,10 +57,13 @@ def robots(ros_domain_id, tmp_path_factory) -> Iterator[Robots]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let rows for the same kind of graph follow each other: workers get contiguous blocks."""
-    items.sort(key=lambda item: _row_is_apart(getattr(item, "callspec", None)))
+    """Let rows in the same arrangement follow each other, those in one process last.
+
+    Each worker begins with a block of them, and takes what another has left from its end.
+    """
+    items.sort(key=lambda item: _ORDER.index(_shared_in(getattr(item, "callspec", None))))
 
 
-def _row_is_apart(callspec) -> bool:
+def _shared_in(callspec) -> Entry | None:
     row = callspec.params.get("row") if callspec else None
-    return isinstance(row, Row) and row.apart
+    return row.shared if isinstance(row, Row) else None

@@ -20,7 +20,6 @@ from row import LAW_OF_OTHERS, RATE, Row
 
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
-from screw_module_ros.graph import MODULE
 from screw_module_ros.lockstep.page import alive
 from screw_module_ros.operator.bring_up import Operation, bring_up
 from screw_module_ros.operator.robot import Robot, RobotError
@@ -59,13 +58,13 @@ _WALL = WallClock()
 class FaultRobot(Robot):
     """The graph in simulated time, an operator, a hand, a game, and intruders.
 
-    apart: each node has a process of its own. setpoint: (x, y, z, vx, vy, vz) of the game [m],
-    [m/s]; None = no game. added: what the row has added to the graph, by name.
+    shared: the process that its nodes share, as of `graph.chosen`. setpoint: (x, y, z, vx, vy, vz)
+    of the game [m], [m/s]; None = no game. added: what the row has added to the graph, by name.
     """
 
-    def __init__(self, apart: bool, folder: Path):
+    def __init__(self, shared: graph.Entry | None, folder: Path):
         """Start the graph, and wait until it is active. folder: of logs and recordings."""
-        self.apart = apart
+        self.shared = shared
         self.setpoint: tuple[float, ...] | None = None
         self.added: dict[str, Any] = {}
         self.record: Record | None = None
@@ -77,7 +76,7 @@ class FaultRobot(Robot):
         given = [f"{node}:{one}" for node, several in _SETTINGS.items() for one in several]
         extra = [word for one in given for word in ("-p", one)]
         extra += ["--disable-stdout-logs", *recordings_in(folder)]
-        self.graph = GraphRun(extra=extra, shared=None if apart else MODULE)
+        self.graph = GraphRun(extra=extra, shared=shared)
         self.graph.__enter__()
         try:
             super().__init__("fault_operator", watch=self._look, simulated=True)

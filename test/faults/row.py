@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from screw_module_ros.control.laws import names
 from screw_module_ros.control.modes import IMPEDANCE
+from screw_module_ros.graph import WHOLE, Entry
 
 if TYPE_CHECKING:
     from fault_robot import FaultRobot
@@ -111,8 +112,11 @@ class Row(NamedTuple):
     an operator may need afterwards; noticed_by: in words; within, plane_within: samples after which
     the vertical axis and the plane must give no torque, 0 if the robot continues; watch: time of
     observation [s]; prepare: before the robot is brought up; inject: causes the fault; mend:
-    removes the cause; apart: each node in a process of its own, else the vertical axis as `module`;
-    limp: the drive continues without torque.
+    removes the cause; shared: the process that the nodes share, as of `graph.chosen`; limp: the
+    drive continues without torque.
+
+    shared is `graph.WHOLE` unless the row acts on a process, or needs what a foreign sender says on
+    a topic that passes by calls within that one.
     """
 
     name: str
@@ -129,7 +133,7 @@ class Row(NamedTuple):
     mend: Act = nothing
     prepare: Act = nothing
     watch: float = 0.2
-    apart: bool = False
+    shared: Entry | None = WHOLE
     limp: bool = False
 
     @property

@@ -23,6 +23,7 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
+from screw_module_ros.graph import MODULE, WHOLE, Entry
 
 _NAN, _INF = math.nan, math.inf
 _BAD = {"NaN": _NAN, "infinity": _INF}
@@ -64,11 +65,11 @@ def _name(text: str) -> str:
 
 def _stops(
     name: str, text: str, act: Act, who: str, report: Report, within: int = _WITHIN,
-    plane_within: int = 0, apart: bool = False,
+    plane_within: int = 0, shared: Entry | None = WHOLE,
 ) -> Row:  # fmt: skip
     return Row(
         _name(name), "commands", text, act, report, _SERVICES, who, within,
-        plane_within or within + VIA_SUPERVISOR, apart=apart,
+        plane_within or within + VIA_SUPERVISOR, shared=shared,
     )  # fmt: skip
 
 
@@ -84,7 +85,7 @@ def _foreign(topic: str, what: str, text: str, **fields) -> Row:
     counted = kind is ForceSample
     act = published(kind, topic, *((_MANY, _TICK_S) if counted else (_COUNT, _EVERY_S)), **fields)
     within = _COUNTED if counted else _WITHIN
-    return _stops(f"{topic}-{what}", text, act, who, report, within, apart=True)
+    return _stops(f"{topic}-{what}", text, act, who, report, within, shared=None)
 
 
 def _state(topic: str, kind: type, what: str, who: str, report: Report | None, **fields) -> Row:
@@ -94,10 +95,12 @@ def _state(topic: str, kind: type, what: str, who: str, report: Report | None, *
     act = published(kind, topic, 0 if supervisors else _MANY, _TICK_S, **fields)
     name, text = f"{topic}-{what}", f"{what} on {topic}, from a foreign sender"
     if report is None:
-        return _goes_on(name=_name(name), fault=text, act=act, who=who, mend=row.nothing)
+        return _goes_on(
+            name=_name(name), fault=text, act=act, who=who, mend=row.nothing, shared=MODULE
+        )
     counted = supervisors or topic == graph.MANUS_STATE
     limits = (_COUNTED, _COUNTED) if counted else ()
-    return _stops(name, text, act, who, report, *limits)
+    return _stops(name, text, act, who, report, *limits, shared=MODULE)
 
 
 _SMOKE_OR_TWO = "amplifier: (smoke|2 nodes publish)"

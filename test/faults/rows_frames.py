@@ -33,7 +33,7 @@ def _row(
     services = (CLEAR, *STOPPED) if node == "amplifier" else (HOME, *MISSED)
     return Row(
         f"foreign-{name}", "intruders", f"a foreign master {text}", act, Report(node, said, node),
-        services, who, within, within + VIA_SUPERVISOR, watch=0.3, apart=node == "encoder",
+        services, who, within, within + VIA_SUPERVISOR, watch=0.3,
     )  # fmt: skip
 
 

@@ -34,6 +34,7 @@ from screw_module_msgs.msg import (
 from std_srvs.srv import SetBool
 
 from screw_module_ros import graph
+from screw_module_ros.graph import MODULE, Entry
 
 GROUP = "intruders"
 _FUTURE = 1_000_000
@@ -52,10 +53,10 @@ _AMPLIFIER_BACK = (CLEAR, *STOPPED)
 
 def _stops(
     name: str, text: str, act: Act, who: str, within: int, report: Report = _TWO_COMMAND,
-    services=_AMPLIFIER_BACK, apart: bool = True,
+    services=_AMPLIFIER_BACK, shared: Entry | None = None,
 ) -> Row:  # fmt: skip
     return Row(name, GROUP, text, act, report, services, who, within, within + VIA_SUPERVISOR,
-               watch=0.3, apart=apart)  # fmt: skip
+               watch=0.3, shared=shared)  # fmt: skip
 
 
 def _goes_on(name: str, text: str, act: Act, who: str) -> Row:
@@ -155,7 +156,7 @@ ROWS = [
                 *[repeated(refused(enable, SetBool, data=True), 10) for enable in ENABLE]),
            "amplifier, manus: two nodes publish safety_state", BY_SERVICE,
            Report("supervisor", "emergency stop", "emergency stop"),
-           (CLEAR, PLANE_CLEAR, *STOPPED), apart=False),
+           (CLEAR, PLANE_CLEAR, *STOPPED), shared=MODULE),
     _goes_on("two-games", "two games with contradictory set points, 1000 a second", _CONTRADICTS,
              "controller and manus warn; speed and acceleration are limited",
              )._replace(report=Report("impedance_controller", "nodes publish setpoint")),

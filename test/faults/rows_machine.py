@@ -15,6 +15,7 @@ from row import CLEAR, HOME, MODE, PLANE_BACK, TARE, Act, Report, Row, goes_on
 from screw_module_msgs.msg import EndpointSetpoint
 
 from screw_module_ros import graph
+from screw_module_ros.graph import MODULE
 from screw_module_ros.recording.verify import verify
 
 GROUP = "machine"
@@ -94,7 +95,7 @@ ROWS = [
             _check_hardware, "check_hardware: it only listens to a bus in use", watch=0.3),
     goes_on("disk-full-while-recording", GROUP, "the disk is full for a while", _disk_full,
             _RECORDER, _disk_has_room, watch=0.5)._replace(
-        report=Report(_RECORDER, "File too large|No space")),
+        report=Report(_RECORDER, "File too large|No space"), shared=MODULE),
     goes_on("bag-deleted-while-recording", GROUP, "the bag's folder is deleted while recording",
             lambda robot: shutil.rmtree(robot.start_recording()), _RECORDER, _record_again,
             watch=0.5)._replace(report=Report(_RECORDER, "No such file")),
@@ -103,5 +104,5 @@ ROWS = [
             watch=0.3),
     Row("bring-up-in-reverse", GROUP, "supervisor, drivers and controllers stopped in motion, "
         "started in the wrong order", _stop_all, None, (HOME, TARE, MODE, CLEAR, *PLANE_BACK),
-        "all of them", _ENDING, _ENDING, mend=_start_in_reverse, apart=True),
+        "all of them", _ENDING, _ENDING, mend=_start_in_reverse, shared=None),
 ]  # fmt: skip

@@ -27,6 +27,8 @@ from row import (
     Row,
 )
 
+from screw_module_ros.graph import MODULE
+
 GROUP = "nodes"
 KILLED, FROZEN, ENDED = "killed", "frozen", "stopped"
 _ACTS = {
@@ -40,8 +42,7 @@ _ENDING = 30  # samples for which a node still publishes after SIGTERM
 class Part(NamedTuple):
     """A process and the effect of its loss.
 
-    within: samples for the vertical axis and for the plane; apart, mode: see `Row`; acts: the
-    faults.
+    within: samples for the vertical axis and for the plane; mode: see `Row`; acts: the faults.
     """
 
     node: str
@@ -50,7 +51,6 @@ class Part(NamedTuple):
     report: Report
     services: tuple[str, ...] = ()
     outcome: str = OFF
-    apart: bool = False
     mode: int = 1
     acts: tuple[str, ...] = (KILLED, FROZEN, ENDED)
 
@@ -67,15 +67,14 @@ PARTS = (
     Part("supervisor", "amplifier, manus: safety_state is stale", (_SILENT, _SILENT),
          Report("amplifier", "no fresh safety_state"), (PLANE_CLEAR, *MISSED)),
     Part("encoder", "impedance_controller: no fresh sample", _SENSOR,
-         Report("impedance_controller", "encoder: no sample", "encoder"), (HOME, *MISSED),
-         apart=True),
+         Report("impedance_controller", "encoder: no sample", "encoder"), (HOME, *MISSED)),
     Part("force_sensor", "impedance_controller: no fresh sample", _SENSOR,
          Report("impedance_controller", "force sensor: no sample", "force"),
-         (TARE, PLANE_CLEAR, *MISSED), apart=True, mode=3),
+         (TARE, PLANE_CLEAR, *MISSED), mode=3),
     Part("impedance_controller", "amplifier: no fresh command", _SENSOR,
          Report("amplifier", "no fresh command", "amplifier|impedance_controller"),
-         (MODE, *MISSED), apart=True),
-    Part("amplifier", _ITSELF, (_DRIVE, _MISSING), _AMPLIFIER, (CLEAR, *STOPPED), apart=True),
+         (MODE, *MISSED)),
+    Part("amplifier", _ITSELF, (_DRIVE, _MISSING), _AMPLIFIER, (CLEAR, *STOPPED)),
     Part("module", _ITSELF, (_DRIVE, _MISSING), _AMPLIFIER, (HOME, TARE, CLEAR, PLANE_CLEAR,
          MODE, *STOPPED),
          mode=4),
@@ -103,7 +102,8 @@ def _row(part: Part, act: str) -> Row:
     within, plane_within = (n + slack if n else 0 for n in part.within)
     return Row(
         f"{node}-{act}", GROUP, f"{node} {_ACTS[act]}", inject, part.report, part.services,
-        part.noticed_by, within, plane_within, part.mode, part.outcome, mend, apart=part.apart,
+        part.noticed_by, within, plane_within, part.mode, part.outcome, mend,
+        shared=None if node in MODULE.parts else MODULE,
     )  # fmt: skip
 
 
@@ -121,4 +121,5 @@ ROWS.append(Row(  # the loss of the rig is that of all power
     "devices start again", _power_cycle,
     Report("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
     (HOME, TARE, CLEAR, *PLANE_BACK), "amplifier, manus, encoder: boot-ups", AT_ONCE, AT_ONCE,
+    shared=MODULE,
 ))  # fmt: skip

@@ -33,6 +33,7 @@ from screw_module_msgs.srv import SetFixture
 from std_srvs.srv import SetBool
 
 from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK
+from screw_module_ros.graph import MODULE
 from screw_module_ros.operator.robot import arm
 
 GROUP = "operator"
@@ -153,7 +154,7 @@ ROWS = [
     _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
            both(_estop, lambda robot: robot.kill("supervisor")),
            "supervisor: still stopped after its restart", _REASON,
-           (CLEAR, PLANE_CLEAR, *STOPPED))._replace(mend=_still_estopped),
+           (CLEAR, PLANE_CLEAR, *STOPPED))._replace(mend=_still_estopped, shared=MODULE),
     _goes_on("reset-while-enabled", fault="reset while a drive is enabled",
              act=repeated(refused(RESET, said="still enabled"), 5), who="supervisor refuses"),
     _goes_on("enable-again", fault="enable while enabled, 20 times",

@@ -28,6 +28,7 @@ from row import (
 
 from screw_module_ros.control.laws import names
 from screw_module_ros.control.modes import IMPEDANCE
+from screw_module_ros.graph import MODULE
 
 GROUP = "intruders"
 _MISSED = LOST + 2 * 20 + 20 + DYING
@@ -94,7 +95,7 @@ def _activated_anew(**more) -> Row:
 
 ROWS = [
     _activated_anew(name="controller-activated-anew"),
-    _activated_anew(name="controller-activated-anew-apart", apart=True),
+    _activated_anew(name="controller-activated-anew-apart", shared=None),
     _goes_on("clear-fault-storm", fault="clear_fault while enabled, again and again",
              act=_storm(called(CLEAR), called(PLANE_CLEAR)),
              who="amplifier, manus: nothing changes"),
@@ -113,5 +114,5 @@ ROWS = [
     _goes_on("spectator-stutters", fault="a program that subscribes to every sample is stopped and "
              "continued repeatedly", act=_stutter,
              who="no node: a subscriber cannot delay a publisher",
-             mend=lambda robot: robot.thaw(_SPECTATOR), watch=1.0),
+             mend=lambda robot: robot.thaw(_SPECTATOR), watch=1.0, shared=MODULE),
 ]  # fmt: skip

@@ -92,7 +92,7 @@ def _row(
 ) -> Row:  # fmt: skip
     plane = within + VIA_SUPERVISOR
     return Row(name, GROUP, text, act, report, services, who, within, plane, mend=mend,
-               watch=0.5, apart=True)
+               watch=0.5)
 
 
 ROWS = [
@@ -109,5 +109,5 @@ ROWS = [
                                   mode=IMPEDANCE)),
          "amplifier: another mode on an open gate", BY_SERVICE + AT_ONCE,
          Report("amplifier", "force command: mode IMPEDANCE", "force command"),
-         services=(CLEAR, *STOPPED)),
+         services=(CLEAR, *STOPPED))._replace(shared=None),
 ]  # fmt: skip

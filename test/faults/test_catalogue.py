@@ -49,7 +49,7 @@ def test_every_cable_comes_out(device):
 
 def test_what_is_done_to_a_part_of_the_module_is_done_to_a_process_of_its_own():
     parts = {f"{part}-{act}" for part in MODULE.parts for act in ("killed", "frozen", "stopped")}
-    assert all(row.apart for row in ROWS if row.name in parts)
+    assert all(row.shared is None for row in ROWS if row.name in parts)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)

@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import pytest
-from catalogue import ROWS
+from catalogue import carried_out
 from judge import judge
 
 pytestmark = [pytest.mark.graph, pytest.mark.fault]
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    rows = carried_out(metafunc.config.getoption("--arrangement"))
+    metafunc.parametrize("row", rows, ids=[row.name for row in rows])
+
+
 def test_row(robots, row, record_property):
     with robots.for_row(row) as robot:
         judge(robot, row, record_property)
