@@ -130,9 +130,10 @@ class Rounds:
 
     def end(self, why: str) -> None:
         """End the loops that still wait, by TimeStandsStill with `why`: no time comes any more."""
-        for loop in list(self._loops):
-            loop.greenlet.throw(TimeStandsStill(why))
-        self._forget_ended()
+        for loop in self._loops:
+            if loop.greenlet:  # else it has not begun yet
+                loop.greenlet.throw(TimeStandsStill(why))
+        self._loops, self._by_greenlet = [], {}
 
 
 class RoundsClock(SimulatedClock):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from functools import partial
 
-from screw_module_ros.graph import MODULE, ONE_PROCESS_SIMULATES, WHOLE
+from screw_module_ros.graph import MODULE, ONE_PROCESS_SIMULATES, WHOLE, together
 from screw_module_ros.lockstep import clock
 from screw_module_ros.lockstep.rounds import RoundsClock
 from screw_module_ros.settings import SettingError
@@ -23,7 +23,7 @@ from .manus import ManusNode
 from .session_recorder import SessionRecorder
 from .sim_rig import SimRigNode
 from .supervisor import SupervisorNode
-from .support.arguments import arguments
+from .support.arguments import PARTS, arguments
 from .support.local_topics import LocalTopics
 from .support.node import Node
 from .support.runtime import run_together
@@ -38,7 +38,11 @@ _CLASSES = {
 def make_nodes() -> list[Node]:
     """Return the nodes, the rig first. Raises SettingError by wall clock, or as `module`."""
     clock.use(RoundsClock)
-    parts = arguments().parts or WHOLE.parts
+    asked = arguments().parts or WHOLE.parts
+    try:
+        parts = together(WHOLE, sorted({*WHOLE.parts} ^ {*asked})).parts
+    except ValueError as error:
+        raise SettingError(f"{PARTS}: {error}") from None
     made = {node.get_name(): node for node in module.make_nodes()}
     nodes = [made.get(name) or _CLASSES[name]() for name in parts]
     local = LocalTopics(parts)

@@ -155,6 +155,16 @@ def test_the_rig_has_the_latency_of_the_processes(shared):
     assert rig["devices.command_latency"] == (0.3e-3 if shared else 0.6e-3)
 
 
+def test_the_whole_robot_is_one_process_but_for_those_that_stay_apart():
+    (entry,) = plan(shared=WHOLE).entries
+    assert (entry, bringup.own_words(entry)) == (WHOLE, [])
+    entry, *others = plan(shared=WHOLE, apart=["manus"], without=["endpoint_state"]).entries
+    assert [each.executable for each in others] == ["manus"]
+    assert {*entry.nodes, "manus", "endpoint_state"} == {*WHOLE.nodes}
+    assert bringup.own_words(entry) == ["--parts", ",".join(entry.nodes)]
+    assert given(plan(shared=WHOLE, apart=["manus"]), "manus") == {}
+
+
 def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
     monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
     entry = plan().entries[0]
@@ -175,6 +185,15 @@ def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
         (["--without", "encodr"], "no node 'encodr'"),
         (["--only", "encoder", "--without", "encoder"], "no node to start"),
         (["--only", "sim_rig", "--hardware"], "no node to start (hardware has no sim_rig)"),
+        (["--composed", "--one-process"], "--composed and --one-process: one of them"),
+        (["--one-process", "--hardware"], "whole: the whole robot in one process is for simulated"),
+        (["--one-process", "--wall-clock"], "whole: the whole robot in one process is for simul"),
+        (["--one-process", "--apart", "encoder"],
+         "encoder cannot leave the process whole: only supervisor, manus, endpoint_state, sess"),
+        (["--one-process", "--apart", "nobody"], "nobody cannot leave the process whole: only s"),
+        (["--one-process", "--without", "sim_rig"], "sim_rig cannot leave the process whole"),
+        (["--apart", "manus"], "manus: the nodes are apart already"),
+        (["--composed", "--apart", "encoder"], "none of its nodes can"),
     ],
 )
 def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support.arguments import arguments
 from screw_module_ros.nodes.support.runtime import _begin
@@ -53,6 +54,11 @@ def test_what_is_refused_before_there_is_a_node(monkeypatch, tmp_path, words, to
          ["rate = 'fast': a value of type float is wanted"]),
         ("module", ["--ros-args", "-p", "encoder:rate:=500.0"],
          ["their rates differ", "encoder: 500", "amplifier: 1000"]),
+        ("whole", ["--parts", ",".join([*WHOLE.parts, "nobody"])],
+         ["--parts: nobody cannot leave the process whole: only supervisor, manus"]),
+        ("whole", ["--parts", "supervisor"],
+         ["amplifier cannot leave the process whole: only supervisor, manus"]),
+        ("whole", ["--ros-args", "-p", "use_sim_time:=false"], ["is for simulated time alone"]),
     ],
 )  # fmt: skip
 def test_refused_in_a_sentence(program, words, told):

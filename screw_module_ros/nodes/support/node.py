@@ -326,7 +326,10 @@ class Node(LifecycleNode):
 
     def _leave_step(self) -> None:
         self._active.clear()
-        if not self.clock.wait_for(lambda: not self._stepping.locked(), _LEAVE_STEP_S):
+        # The rig's own time ends with its step.
+        if not (WallClock() if self.moves_time else self.clock).wait_for(
+            lambda: not self._stepping.locked(), _LEAVE_STEP_S
+        ):
             self.get_logger().error("the loop did not end its step in time")
 
     # Hot loop ------------------------------------------------------------------------------
