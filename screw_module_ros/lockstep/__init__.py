@@ -6,4 +6,7 @@ is a member (`member`): it is busy, or it waits until a time that it states. Wha
 a bus, on a topic or to a service is counted at the ends of its channel (`end`). The simulated rig
 runs the conductor (`conductor`): time advances when no member is busy and nothing is in transit to
 a member that waits for it. `clock` is the clock that each process takes the time from.
+
+Where the whole robot is one process, one thread runs its loops and moves the time (`rounds`): they
+are no members.
 """
