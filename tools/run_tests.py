@@ -3,7 +3,8 @@
 
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
 is the suite without the tests marked `long`, with `--all` the whole one, by two workers: simulated
-time waits for whoever is slow. `--faults` carries out the fault rows, by a worker per core.
+time waits for whoever is slow. `--faults` carries out the fault rows, by a worker per core and one
+more: a row that kills a node waits, idle, until the middleware has dropped it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LEAVE_S = 3.0
 BY_FILE = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of test/conftest.py
 WHOLE_SUITE = ["-p", "xdist", "-n", "2", *BY_FILE, "--durations", "20"]
 SUITE = [*WHOLE_SUITE, "-m", "not long and not fault"]
-WORKERS = ["-n", str(len(os.sched_getaffinity(0))), "--dist", "worksteal"]
+WORKERS = ["-n", str(len(os.sched_getaffinity(0)) + 1), "--dist", "worksteal"]
 FAULTS = ["test/faults", "-p", "xdist", *WORKERS, "-v"]
 ROOT = Path(__file__).resolve().parent.parent
 
