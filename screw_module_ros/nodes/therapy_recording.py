@@ -63,6 +63,7 @@ class SessionRecording:
         self._started_ns: int | None = None
         self._refusal = self._end = ""  # why no recording began, or why the recorder ended it
         self._bag, self._heard_ns = "", 0  # that the recorder writes, and when it reported so
+        self._values: dict[str, str] = {}  # of its last report: what it records, by full name
         self._ended_ns: int | None = None  # when the session was over
         self._starter = node.create_client(StartRecording, f"{RECORDER}/record")
         self._stopper = node.create_client(Trigger, f"{RECORDER}/stop")
@@ -129,7 +130,7 @@ class SessionRecording:
         """Hear what the recorder reports, also between sessions."""
         status = self._take()
         if status is not None:
-            values = {value.key: value.value for value in status.values}
+            self._values = values = {value.key: value.value for value in status.values}
             records = values.get("recording") == str(True)
             self._bag = Path(values.get("bag", "")).name if records else ""
             self._end = "" if records else f"the recording has ended: {status.message}"
@@ -188,12 +189,16 @@ class SessionRecording:
             self._refusal = f"not recorded: {answer.message if answer else 'no answer'}"
 
     def _not_taken(self) -> str:
-        """Return the names of the topics of a session that the recorder does not subscribe to."""
+        """Return the names of the topics of a session that the recorder does not take.
+
+        It subscribes to them, or has them by calls from a node of its process and reports them.
+        """
         here = RECORDER, self._node.get_namespace()
         taken = self._node.get_subscriptions_info_by_topic
         return ", ".join(
             name for name in _NEEDED
             if here not in [(each.node_name, each.node_namespace) for each in taken(name)]
+            and self._node.resolve_topic_name(name) not in self._values
         )  # fmt: skip
 
     def _useless(self, missing: str) -> str:

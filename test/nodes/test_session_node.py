@@ -51,6 +51,7 @@ class PlayedRecorder:
         log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
         self.get_logger = lambda: log
         self.get_namespace = lambda: "/"
+        self.resolve_topic_name = "/{}".format
         self.left_out: set[str] = set()
         self.is_there = True
 
@@ -76,8 +77,9 @@ class PlayedRecorder:
         """Answer the oldest call."""
         self.asked[service].pop(0).set_result(response)
 
-    def report(self, recording, bag="", message=""):
-        values = [KeyValue(key="recording", value=str(recording)), KeyValue(key="bag", value=bag)]
+    def report(self, recording, bag="", message="", **more):
+        said = {"recording": str(recording), "bag": bag, **more}
+        values = [KeyValue(key=key, value=value) for key, value in said.items()]
         self.told.append(DiagnosticStatus(values=values, message=message))
 
 
@@ -159,6 +161,18 @@ def test_a_session_begins_only_once_the_recorder_hears_it(recording, recorder):
     assert follow(recording, 3) == ""
     recorder.left_out = set()
     assert follow(recording, 4) == BEGUN
+
+
+def test_a_recorder_in_the_publisher_s_process_has_a_topic_without_a_subscription(
+    recording, recorder
+):
+    recorder.left_out = {"endpoint_state"}
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("record", DONE)
+    assert follow(recording, 2) == ""
+    recorder.report(True, "P-22222_clock", **{"/endpoint_state": "{}"})
+    assert follow(recording, 3) == BEGUN
 
 
 def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
