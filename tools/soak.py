@@ -39,7 +39,7 @@ from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
 from screw_module_ros.control.laws import names
 from screw_module_ros.figure_style import COLOURS, save
-from screw_module_ros.graph import MODULE
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot, RobotError, arm
@@ -153,7 +153,7 @@ def soak(
     name = f"{patient}_{Path(protocol).stem}_{run.name}" if protocol else "session"
     extra = ["--disable-stdout-logs", "-p", f"session_recorder:name:={name}", *recordings_in(run)]
     extra += [] if wall_clock else _AS_FAST_AS_IT_GOES
-    shared = MODULE if protocol else None
+    shared = WHOLE if protocol else None
     nodes = GraphRun(params, extra=extra, wall_clock=wall_clock, shared=shared)
     port = free_port()
     beside = therapy.with_pages(port) if protocol else lambda graph: None

@@ -15,7 +15,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState, ForceCommand
 
-from screw_module_ros.graph import MODULE
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.patient import Hand
@@ -127,7 +127,7 @@ def test_it_says_why_nothing_moves(state, takes, why, game, hand, wait_until):
 def test_a_second_fruit_comes_with_ones_own_robot_too(tmp_path):
     """`bringup --patient healthy` and `therapy_session`, as docs/games.md says."""
     with (
-        GraphRun(shared=MODULE, patient="healthy") as graph,
+        GraphRun(shared=WHOLE, patient="healthy") as graph,
         Robot("operator", watch=graph.watch, simulated=True) as robot,
     ):
         graph.add("therapy_session")

@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 @pytest.fixture
 def sessions(tmp_path):
     """Folder of the recordings of a simulated robot that runs meanwhile."""
-    words = ["--composed", "-p", f"session_recorder:folder:={tmp_path}"]
+    words = ["--one-process", "-p", f"session_recorder:folder:={tmp_path}"]
     robot = subprocess.Popen([executable_path("bringup"), *words])
     yield tmp_path
     robot.send_signal(signal.SIGTERM)

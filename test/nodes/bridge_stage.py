@@ -15,7 +15,7 @@ import yaml
 from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState, TherapyState
 
 from screw_module_ros.bridge.tokens import tokens_in
-from screw_module_ros.graph import MODULE
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot, arm
@@ -58,7 +58,7 @@ class Stage:
         self._token_file = folder / "state" / "tokens.json"
 
     def __enter__(self) -> Stage:
-        self.graph = GraphRun(shared=MODULE)
+        self.graph = GraphRun(shared=WHOLE)
         self.graph.__enter__()
         common = ["--ros-args", *self.graph.arguments("endpoint_state")]
         folder = ["-p", f"folder:={self.folder}"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import subprocess
 import threading
@@ -25,6 +26,7 @@ from screw_module_ros.trials.runner import GraphRun, recordings_in
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 ENDED_S = 60.0
+BAG_LIMIT = 200_000  # [B]
 SPANS_S = (0.5, 0.2, 0.8)
 
 
@@ -120,6 +122,27 @@ def test_its_recorder_has_every_sample_each_time(tmp_path):
             assert "; " not in (told := robot.stop_recording()), told
             checked(bag, seconds - 0.1)
             robot.pause(0.1)
+        robot.check_enabled()
+
+
+def test_a_full_disk_ends_no_recording_and_stops_no_loop(tmp_path):
+    """Nothing of the process can be written, its log neither; the same recording goes on."""
+    with (
+        GraphRun(extra=recordings_in(tmp_path), shared=WHOLE) as graph,
+        Robot("tester", watch=graph.watch, simulated=True) as robot,
+    ):
+        ready(graph, robot)
+        bag, pid = robot.start_recording(), graph.pid(WHOLE.executable)
+        robot.pause(0.3)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (BAG_LIMIT, resource.RLIM_INFINITY))
+        robot.wait_until(
+            lambda: "File too large" in robot.said("session_recorder"), 10.0, "it is not told"
+        )
+        unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, unlimited)
+        robot.pause(1.0)
+        assert "; " not in (told := robot.stop_recording()), told
+        checked(bag, 1.3)
         robot.check_enabled()
 
 

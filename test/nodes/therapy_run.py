@@ -9,7 +9,7 @@ from pathlib import Path
 
 from screw_module_msgs.msg import AssistanceChange, TherapyState, TrialResult
 
-from screw_module_ros.graph import MODULE
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.terminal import Console
@@ -51,7 +51,7 @@ def therapy_run(folder: Path, *extra: str) -> Iterator[tuple[Robot, Patient]]:
     """Yield operator and patient, ready for a session; folder: of protocols and bags."""
     extra = ("-p", f"session_recorder:folder:={folder}", *extra)
     with (
-        GraphRun(extra=extra, shared=MODULE) as graph,
+        GraphRun(extra=extra, shared=WHOLE) as graph,
         Robot("therapist", watch=graph.watch, simulated=True) as robot,
     ):
         node = bringup.Process(
