@@ -230,9 +230,15 @@ class Page:
         return [row for row in others if row != end and self.sends[row]]
 
     def buses(self) -> list[tuple[int, int]]:
-        """Return process and frames sent of each open bus: only there an end sends and receives."""
-        rows = zip(self.end_pid, self.sent, self.sends, self.follows, strict=True)
-        return [(pid, sent) for pid, sent, sends, follows in rows if sends and follows]
+        """Return process and frames sent of each open bus: only there an end sends and receives.
+
+        Of one within a process, whose channel is negative, the frames count as one.
+        """
+        rows = zip(self.end_pid, self.sent, self.sends, self.follows, self.channel, strict=True)
+        return [
+            (pid, sent) for pid, sent, sends, follows, channel in rows
+            if (sends and follows) or channel < 0
+        ]  # fmt: skip
 
     def dismiss(self, pid: int) -> None:
         """Return all rows of a process; the caller holds the lock."""

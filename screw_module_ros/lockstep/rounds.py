@@ -271,8 +271,9 @@ class MemberFrames(NearFrames):
         page = clock.page
         with page.locked():
             self.row = page.take(page.end_pid, "bus, topic or service")
-            # A channel of its own: nothing here is counted.
+            # A channel of its own, in which nothing is counted: the rig here does answer.
             page.channel[self.row], page.waiter[self.row] = -1 - self.row, NOBODY
+            page.sent[self.row] = 1
 
     @property
     def pending(self) -> bool:

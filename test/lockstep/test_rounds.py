@@ -234,3 +234,14 @@ def test_a_request_of_a_service_thread_is_answered_before_time_goes_on(process, 
     process.run(partial(process.ticks, "other"))
     asked.result()
     assert (True, 1) in process.seen
+
+
+def test_a_bus_within_the_process_is_one_on_which_its_rig_answers(process, page):
+    """`characterize` asks no operator for a mounting where it sees the rig on a bus."""
+    own = page.conductor
+    assert all(sent == 0 for pid, sent in page.buses() if pid == own)
+    port = process.port()
+    assert any(sent for pid, sent in page.buses() if pid == own)
+    process.ports.remove(port)
+    port.close()
+    assert all(sent == 0 for pid, sent in page.buses() if pid == own)

@@ -14,7 +14,7 @@ import laws_of_others
 import pytest
 from test_characterize import Stand, operated
 
-from screw_module_ros.graph import MODULE
+from screw_module_ros.graph import WHOLE
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.nodes.bringup import Process
 from screw_module_ros.resources import resource_path
@@ -39,7 +39,7 @@ def stand(tmp_path_factory) -> Iterator[Stand]:
     extra = [*words, *recordings_in(folder / "bags")]
     patch = pytest.MonkeyPatch()
     patch.setenv("PYTHONPATH", str(Path(laws_of_others.__file__).parent), prepend=os.pathsep)
-    with GraphRun(extra=extra, without=["endpoint_state"], shared=MODULE) as graph:
+    with GraphRun(extra=extra, without=["endpoint_state"], shared=WHOLE) as graph:
         given = ["--ros-args", "-p", "use_sim_time:=true", "-p", f"folder:={folder}"]
         process = Process("characterize", given)
         try:
