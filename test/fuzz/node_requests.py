@@ -63,6 +63,7 @@ class NodeRequests:
     def close(self) -> None:
         """End the nodes."""
         for node in self._nodes:
+            node.get_logger().set_level(LoggingSeverity.UNSET)  # levels outlive nodes and contexts
             node.close()
             node.destroy_node()
             node.clock.close()

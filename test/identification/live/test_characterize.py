@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.graph import WHOLE
+from screw_module_ros.graph import MODULE
 from screw_module_ros.identification import force_error, friction_map
 from screw_module_ros.identification.force_metric import ErrorOf
 from screw_module_ros.identification.gravity import Crossing
@@ -184,7 +184,7 @@ def running(tmp_path_factory) -> Iterator[Stand]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
     folder = tmp_path_factory.getbasetemp()
     fast = ["-p", "sim_rig:speed:=0.0", *recordings_in(folder / "bags")]
-    with GraphRun(extra=fast, without=["endpoint_state"], shared=WHOLE) as graph:
+    with GraphRun(extra=fast, without=["endpoint_state"], shared=MODULE) as graph:
         given = ["--ros-args", "-p", "use_sim_time:=true", "-p", f"folder:={folder}"]
         process = Process("characterize", given)
         try:
