@@ -105,6 +105,8 @@ class Page:
             for pid in {*self.user_pid} - {0}:
                 if not alive(pid):
                     self.dismiss(pid)
+            if not any(self.user_pid):
+                self.header[NOW] = START_NS  # that of killed processes is nobody's time
             self._user = self.take(self.user_pid, "process")
         finally:
             fcntl.flock(self._file, fcntl.LOCK_UN)

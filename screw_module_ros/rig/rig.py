@@ -172,6 +172,7 @@ class Rig:
         stepped: called with each new time [ns], after the devices' timers. loops: those of the same
         process.
         """
+        self.physics.advance(conductor.now_ns)  # the world begins now, whatever anybody waits for
         while not should_stop():
             while self.turn(conductor, stepped, loops):
                 pass

@@ -506,6 +506,19 @@ def test_pages_that_killed_processes_left_are_swept(monkeypatch, tmp_path):
     assert not any(path.exists() for path in left)
 
 
+def test_time_begins_anew_where_all_were_killed(page, name):
+    """A run in such a domain began with the time of the last one: two runs were not the same."""
+    fork = multiprocessing.get_context("fork")
+    for among, begins_ns in ((f"{name}_left", START_NS), (name, 2 * START_NS)):
+        # It ends without closing its page, as a killed one does.
+        killed = fork.Process(target=lambda at=among: setattr(Page(at), "now_ns", 2 * START_NS))
+        killed.start()
+        killed.join()
+        found = Page(among)
+        assert found.now_ns == begins_ns, "among the living it goes on"
+        found.close()
+
+
 def test_each_domain_and_namespace_has_its_own_time():
     names = [("0", ""), ("1", ""), ("1", "/left"), ("1", "/left/arm"), ("11", "")]
     names += [("1", "/left_arm"), ("1", "/left_")]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs with one seed and commands bound to ticks: the same samples, bit for bit.
 
-Apart twice, and in one process twice. Between the two they differ: apart the drive's state reaches
-the controller by a topic, in one process by a call.
+Apart twice; in one process twice, and as composed: there too the drive's state reaches the
+controller by a call, apart by a topic.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from screw_module_msgs.msg import ForceCommand
 
-from screw_module_ros.graph import WHOLE, Entry
+from screw_module_ros.graph import MODULE, WHOLE, Entry
 from screw_module_ros.lockstep.page import START_NS
 from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.recording.records import File
@@ -113,5 +113,7 @@ def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
     assert_same(*(samples(played(tmp_path / name, seed=3)) for name in ("one", "other")))
 
 
-def test_one_process_is_the_same_twice(tmp_path):
-    assert_same(*(samples(played(tmp_path / name, 3, WHOLE)) for name in ("one", "other")))
+def test_one_process_is_the_same_twice_and_as_composed(tmp_path):
+    whole = samples(played(tmp_path / "whole", 3, WHOLE))
+    assert_same(whole, samples(played(tmp_path / "again", 3, WHOLE)))
+    assert_same(whole, samples(played(tmp_path / "composed", 3, MODULE)))

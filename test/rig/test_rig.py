@@ -390,6 +390,18 @@ def test_a_request_in_simulated_time_is_answered_before_time_goes_on(steps, monk
     assert (0x582, "4300100096010200", 0) in answers
 
 
+@pytest.mark.parametrize("first_ns", [MS // 2, MS])
+def test_the_world_begins_with_the_rig_whoever_waits_first(steps, world, wait_until, first_ns):
+    """It began with the first time that anybody waited for: two runs were half a tick apart."""
+    begin_ns = steps.clock.now_ns()
+    with steps.clock.working():
+        steps.start()
+        steps.clock.sleep_until(begin_ns + first_ns)
+        steps.clock.sleep_until(begin_ns + 5 * MS)
+        wait_until(lambda: begin_ns + 5 * MS in steps.reached_ns)  # told when the world is there
+        assert sum(world.steps) == pytest.approx(5e-3)
+
+
 def test_time_goes_from_period_to_period_or_to_whoever_waits_for_less(steps, wait_until):
     begin_ns = steps.clock.now_ns()
     assert begin_ns % MS == 0
