@@ -21,7 +21,7 @@ import isolation
 import leftovers
 
 LEAVE_S = 3.0
-BY_FILE = ["--dist", "loadfile", "--no-loadscope-reorder"]  # in the order of test/conftest.py
+BY_FILE = ["--dist", "loadfile", "--no-loadscope-reorder"]  # test/conftest.py orders the files
 WHOLE_SUITE = ["-p", "xdist", "-n", "2", *BY_FILE, "--durations", "20"]
 SUITE = [*WHOLE_SUITE, "-m", "not long and not fault"]
 WORKERS = ["-n", str(len(os.sched_getaffinity(0)) + 1), "--dist", "worksteal"]

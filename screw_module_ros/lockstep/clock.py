@@ -129,6 +129,7 @@ class _CountedArrivals:
         self._end = End(clock.page, f"bus {bus.channel_info}", sends=True, follows=True)
         bus.counted = True
         self._read = bus.frames_counted
+        self.close = self._end.close
 
     def receive(self, until_ns: int) -> Any:
         """Return the next frame; wait for it until `until_ns`, None without one."""
@@ -155,10 +156,6 @@ class _CountedArrivals:
         """Count a frame that the bus has accepted: one that is counted is there to be read."""
         self._end.count()
         self._end.announce()
-
-    def close(self) -> None:
-        """Return the row."""
-        self._end.close()
 
 
 class _CountedServing(Serving):

@@ -74,7 +74,7 @@ class RigPort:
         """Return whether a frame may be waiting; lock step does not foresee frames of foreign
         processes.
         """
-        return bool(self.queue or (self.far and self._arrivals.expects()))
+        return bool(self.queue) or self._arrivals.expects()
 
     def receive(self, now_ns: int) -> bool:
         """Handle the next waiting frame without blocking; return whether there was one."""

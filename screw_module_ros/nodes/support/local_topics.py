@@ -125,4 +125,3 @@ class LocalSubscription:
     def discard(self) -> None:
         """Drop what has come so far."""
         self.end.clear()
-
