@@ -101,6 +101,8 @@ class Rig:
         clock = self._clock = clock or WallClock()
         latency_ns = round(settings.command_latency * 1e9)
         self.physics = Physics(world, clock.simulated, period_ns, latency_ns)
+        if clock.simulated:  # the world begins now, whatever anybody waits for before the loop runs
+            self.physics.advance(clock.now_ns())
         self._period_ns = period_ns
         self._every_ns = min(period_ns, _HOUSEKEEPING_NS)
         self._after_ns = _AFTER_TICK_NS * self._every_ns // _HOUSEKEEPING_NS
@@ -172,7 +174,6 @@ class Rig:
         stepped: called with each new time [ns], after the devices' timers. loops: those of the same
         process.
         """
-        self.physics.advance(conductor.now_ns)  # the world begins now, whatever anybody waits for
         while not should_stop():
             while self.turn(conductor, stepped, loops):
                 pass

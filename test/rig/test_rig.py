@@ -402,6 +402,18 @@ def test_the_world_begins_with_the_rig_whoever_waits_first(steps, world, wait_un
         assert sum(world.steps) == pytest.approx(5e-3)
 
 
+def test_the_world_begins_before_the_rig_s_own_loop_runs(steps, world, wait_until):
+    """In one process the main thread may wait, for a lock, before the rig is active."""
+    begin_ns = steps.clock.now_ns()
+    steps.rig.turn(steps.conductor, steps.reached_ns.append, until_ns=begin_ns + MS // 2)
+    with steps.clock.working():
+        assert steps.reached_ns == [begin_ns + MS // 2]
+        steps.start()
+        steps.clock.sleep_until(begin_ns + 5 * MS)
+        wait_until(lambda: begin_ns + 5 * MS in steps.reached_ns)
+        assert sum(world.steps) == pytest.approx(5e-3)
+
+
 def test_time_goes_from_period_to_period_or_to_whoever_waits_for_less(steps, wait_until):
     begin_ns = steps.clock.now_ns()
     assert begin_ns % MS == 0
