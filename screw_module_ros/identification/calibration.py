@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timezone
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as version_of
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -26,6 +24,7 @@ from ..control.laws.thesis import THESIS as THESIS_LAW
 from ..control.vertical_settings import VerticalSettings
 from ..files import replace
 from ..settings import Field, Setting, fields
+from ..software import version
 from . import friction_model, gravity, inertia, stability, static_torque
 from .force_metric import apparent_mass
 from .lab import Lab, MissingResult
@@ -65,7 +64,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         ModuleCalibration(
             serial=own_serial(lab, settings.serial),
             date=_now(),
-            software=software(),
+            software=version(),
             friction=friction_model.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
             gravity_N=weight.value,
@@ -104,7 +103,7 @@ def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
         "version": gain_limits.VERSION,
         "serial": serial,
         "date": _now(),
-        "software": software(),
+        "software": version(),
         "bench": lab.stand.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
@@ -168,14 +167,6 @@ def _over_frequency(result: Result) -> dict[str, Any]:
             "frequencies_Hz": [float(f) for f in frequencies], "modes": table, "what": what,
         }
     }  # fmt: skip
-
-
-def software() -> str:
-    """Return the version of this package, "unknown" where it is not installed."""
-    try:
-        return version_of("screw_module_ros")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _laws(lab: Lab) -> dict[str, Any]:

@@ -546,6 +546,7 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.force_gain = controller.laws.force_gain
     shown = controller.laws.shown
     message.law_names, message.law_values = list(shown), list(shown.values())
+    message.support, message.support_limit, message.hand_off = 0.0, 0.0, False
     message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force

@@ -28,6 +28,7 @@ from screw_module_ros.safety.supervision import (
     decide,
 )
 from screw_module_ros.settings import Setting
+from screw_module_ros.software import software
 
 from .support.answering import Done
 from .support.node import Node
@@ -61,6 +62,7 @@ class SupervisorNode(Node):
         super().__init__("supervisor")
         self.parameters.declare(SupervisorSettings, SupervisionSettings)
         self._message = at_base(SafetyState)
+        self._message.software = software()
         self._kept = SavedState(self.get_fully_qualified_name())
         self._saved = True
         self._state = self._restored()

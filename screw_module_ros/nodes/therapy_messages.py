@@ -66,7 +66,8 @@ def result_message(result: Row, patient: str, protocol: str) -> TrialResult:
     """Return a trial's result as a message, without header."""
     values = {name: result[name] for name in COLUMNS}
     message = TrialResult(
-        patient=patient, protocol=protocol, jerk_cutoff=JERK_CUTOFF, **values
+        patient=patient, protocol=protocol, jerk_cutoff=JERK_CUTOFF,
+        effort=math.nan, work_area=math.nan, **values
     )
     _fill_points(message, result["start"], result["target"])
     message.started.sec, message.started.nanosec = divmod(result["started_ns"], _S)

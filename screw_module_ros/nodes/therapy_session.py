@@ -13,6 +13,7 @@ A therapist's page publishes `therapy/attendance`; a session that has received i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -77,8 +78,10 @@ class Course:
     """
 
     attendance: Attendance
-    slot: TherapySlot = field(default_factory=lambda: at_base(TherapySlot))
-    state: TherapyState = field(default_factory=lambda: at_base(TherapyState))
+    slot: TherapySlot = field(default_factory=lambda: at_base(TherapySlot, support=math.nan))
+    state: TherapyState = field(
+        default_factory=lambda: at_base(TherapyState, arm_weight=math.nan)
+    )
     due: Due = field(default_factory=lambda: Due(_RENEW_HZ))
     session: Session | None = None
     patient: str = ""

@@ -46,9 +46,9 @@ class Health(NamedTuple):
         )
 
 
-def at_base(kind: Any) -> Any:
-    """Return a message of this class in the robot's frame."""
-    return kind(header=Header(frame_id="manus_base"))
+def at_base(kind: Any, **values: Any) -> Any:
+    """Return a message of this class in the robot's frame, with values of its fields."""
+    return kind(header=Header(frame_id="manus_base"), **values)
 
 
 def fill_permit(message: Any, permit: Permit) -> None:
