@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
-from screw_module_msgs.msg import ForceCommand
+from rclpy.serialization import deserialize_message
+from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, SimTruth
 
 from screw_module_ros.graph import MODULE, WHOLE, Entry
 from screw_module_ros.lockstep.page import START_NS
@@ -21,7 +23,10 @@ from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
+TOPICS = {
+    "screw/encoder": EncoderSample, "handle/force": ForceSample,
+    "screw/force_command": ForceCommand, "sim/truth": SimTruth,
+}  # fmt: skip
 BETWEEN_TICKS_NS = 500_000
 S = 1_000_000_000
 READY_S = 2.0  # at the speed of the start 100 s of wall clock
@@ -82,15 +87,26 @@ def played(folder: Path, seed: int, shared: Entry | None = None) -> Path:
     return folder / "session"
 
 
-def samples(bag: Path) -> dict[str, list[bytes]]:
+def samples(bag: Path) -> dict[str, list[str]]:
     """Return the messages of each topic between enabling and the end, in order."""
-    found: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
+    found: dict[str, list[str]] = {topic: [] for topic in TOPICS}
     begin, end = (START_NS + round(t * S) for t in (RECORDED_S, END_S))
     for topic, message in File(bag / "session_0.mcap").messages():
         name = topic.name.lstrip("/")
         if name in found and begin <= message.log_time < end:
-            found[name].append(message.data)
+            found[name].append(exact(deserialize_message(message.data, TOPICS[name])))
     return found
+
+
+def exact(value: Any) -> str:
+    """Return all bits of a message's fields, in words.
+
+    Not its bytes: the middleware leaves what was in its buffer where it fills up to a whole word.
+    """
+    if hasattr(value, "get_fields_and_field_types"):
+        names = value.get_fields_and_field_types()
+        return ", ".join(f"{name} ({exact(getattr(value, name))})" for name in names)
+    return repr(value.tolist() if hasattr(value, "tolist") else value)
 
 
 def assert_of_simulated_time(bag: Path) -> None:
@@ -99,7 +115,7 @@ def assert_of_simulated_time(bag: Path) -> None:
     assert START_NS < newest < START_NS + 1000 * S
 
 
-def assert_same(one: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> None:
+def assert_same(one: dict[str, list[str]], other: dict[str, list[str]]) -> None:
     for topic in TOPICS:
         per_second = 100 if topic == "sim/truth" else 1000
         assert len(one[topic]) == round(per_second * (END_S - RECORDED_S)), topic
