@@ -8,7 +8,7 @@ import math
 
 import numpy
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
@@ -75,6 +75,11 @@ def kinetic(s, mass):
 def bent(s, robot):
     """Return the energy in the structure's spring [J]."""
     return 0.5 * robot.structure_stiffness * (s.bend_x**2 + s.bend_y**2)
+
+
+def bristles(s, robot):
+    """Return the energy that the friction's bristles can give back [J]."""
+    return (s.shoulder_bristle**2 + s.elbow_bristle**2) / (2.0 * robot.bristle_stiffness)
 
 
 def jacobian(s):
@@ -177,8 +182,7 @@ def test_passive_arm_never_gains_energy(plane, x, y, w1, w2):
         between = s.elbow - s.shoulder
         fold = max(r.between_low - between, between - r.between_high, 0.0)
         stops = 0.5 * r.stop_stiffness * (stretch * stretch + fold * fold)
-        bristles = (s.shoulder_bristle**2 + s.elbow_bristle**2) / (2.0 * r.bristle_stiffness)
-        return kinetic(s, r.module_mass) + bent(s, r) + stops + bristles
+        return kinetic(s, r.module_mass) + bent(s, r) + stops + bristles(s, r)
 
     now = start = energy(s)
     for _ in range(2500):
@@ -361,6 +365,7 @@ def test_a_struck_module_swings_on_the_structure(slippery, stiffness, ratio, x, 
     assert decay == pytest.approx(damped, rel=0.1)
 
 
+@example(7.0, 0.0, 0.0, 0.0, 1.96e-5, 0.0)
 @run_settings(max_examples=20)
 @given(
     st.floats(math.log(1e3), math.log(1e12)), st.floats(0.0, 1.0), st.floats(-1.0, 1.0),
@@ -378,7 +383,7 @@ def test_a_free_structure_never_gains_energy(slippery, stiffness, ratio, vx, vy,
     now = start = kinetic(s, 5.5) + bent(s, robot)
     for _ in range(4000):
         s = quick_step(p, s, IDLE)
-        after = kinetic(s, 5.5) + bent(s, robot)
+        after = kinetic(s, 5.5) + bent(s, robot) + bristles(s, robot)
         assert after <= now + 1e-5 * start + 1e-12
         now = after
     assert now <= start
