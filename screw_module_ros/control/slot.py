@@ -16,8 +16,9 @@ Before the start of the movement the slot is open: it has no back wall. The fron
 that overshoots; it is our addition, because the published slot ends at the target.
 
 For a single axis, start_y = target_y and everything across is zero. A slot without length is a
-tube: its side wall holds the hand near the point. A reach in space uses one slot in the plane and
-one on the vertical with the same start tick; their back walls together move on the line in space.
+tube: its side wall holds the hand near the point, and stiffens as a back wall does. A reach in
+space uses one slot in the plane and one on the vertical with the same start tick; their back walls
+together move on the line in space.
 
 Nothing jumps: the force fades in and out over `fade_time`, and so does the back wall. A new slot
 starts only after the old one has faded out. The force is bounded.
@@ -87,7 +88,7 @@ class Slot(NamedTuple):
         float, Setting("distance to a side wall at the end, and to the front wall", "m", 0.0, 0.5)
     ] = 0.002  # ours
     growth: Annotated[
-        float, Setting("rate at which the back wall stiffens over time", "N/m/s", 0.0, 500.0)
+        float, Setting("rate at which back wall or tube stiffens over time", "N/m/s", 0.0, 500.0)
     ] = 20.0  # ours
 
     def validated(self) -> Slot:
@@ -285,6 +286,7 @@ def _walls(
 ) -> tuple[float, float]:
     """Return the force of all walls along x and y [N]."""
     slot = now.slot
+    grown = slot.growth * max(0.0, now.since - slot.duration)
     side = min(slot.side_stiffness, limits.stiffness)
     half = half_width_at(slot, now.since)
     length = length_of(slot)
@@ -292,10 +294,11 @@ def _walls(
         distance = math.hypot(along, across)
         if distance <= half:
             return 0.0, 0.0
-        pull = -side * (distance - half) / distance
+        stiff = min(slot.side_stiffness + grown, limits.stiffness)
+        pull = -stiff * (distance - half) / distance
         return pull * along, pull * across
-    grown = slot.back_stiffness + slot.growth * max(0.0, now.since - slot.duration)
-    back = now.wall_weight * min(grown, limits.stiffness) * max(0.0, wall - along)
+    stiff = min(slot.back_stiffness + grown, limits.stiffness)
+    back = now.wall_weight * stiff * max(0.0, wall - along)
     push = back - side * max(0.0, along - length - slot.end_half_width)
     hold = -side * (across - clamp(across, -half, half))
     ux, uy = (slot.target_x - slot.start_x) / length, (slot.target_y - slot.start_y) / length

@@ -27,12 +27,20 @@ def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:
     """Write a wish into a slot message; start_ns: on the monotonic clock [ns], 0 = open."""
     plane, vertical = wish.plane, wish.vertical
     message.planar, message.vertical = plane is not None, vertical is not None
-    message.start_ns = start_ns
+    message.start_ns, message.held = start_ns, [False, False]
     if plane is not None:
         message.start.x, message.start.y = plane.start_x, plane.start_y
         message.target.x, message.target.y = plane.target_x, plane.target_y
     if vertical is not None:
         message.start.z, message.target.z = vertical.start_x, vertical.target_x
+    if wish.hold is not None:
+        hold = wish.hold.slot
+        message.held = [not wish.hold.vertical, wish.hold.vertical]
+        message.hold_stiffness = hold.side_stiffness
+        if wish.hold.vertical:
+            message.start.z = hold.start_x
+        else:
+            message.start.x, message.start.y = hold.start_x, hold.start_y
     slot = plane or vertical
     for name in _SLOT_NUMBERS if slot is not None else ():
         setattr(message, name, getattr(slot, name))

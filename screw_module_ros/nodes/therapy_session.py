@@ -295,7 +295,7 @@ class TherapySessionNode(Node):
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
-        self._wishes.begin(self.parameters.read(WishLimits, "wish"))
+        self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns)
         return ""
 
     def _named(self, protocol: str) -> str:

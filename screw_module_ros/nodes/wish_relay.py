@@ -9,7 +9,7 @@ from screw_module_msgs.msg import EndpointSetpoint
 
 from screw_module_ros import graph
 from screw_module_ros.therapy.hand import Point
-from screw_module_ros.therapy.wishes import WishGate, WishLimits
+from screw_module_ros.therapy.wishes import SILENT_NS, WishGate, WishLimits
 
 from .support.inbox import Inbox
 from .support.node import Node
@@ -28,19 +28,23 @@ class WishRelay:
         self._publish = node.outlet(*offered(graph.SETPOINT))
         self._message = at_base(EndpointSetpoint)
         self._gate = WishGate(limits)
+        self._ends_ns: int | None = None  # when set points of before a session are forgotten
 
     def limit(self, limits: WishLimits) -> None:
         """Use new limits from the next wish on."""
         self._gate.limits = limits
 
-    def begin(self, limits: WishLimits) -> None:
-        """End what a game asked for, and use new limits: a session begins.
+    def begin(self, limits: WishLimits, now_ns: int) -> None:
+        """End what a game or anybody asked for, and use new limits: a session begins.
 
         Nowhere as set point stops the last one where it is, and it still pulls. The next `relay`
         lets the hand go: a session may guide the plane alone, and the vertical spring would stay.
+        After a second it is nowhere again, or each pause of the session would pull back there.
         """
         self._gate.limits = limits
+        self._gate.end()
         self._ask_for(_NOWHERE)
+        self._ends_ns = now_ns + SILENT_NS
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
         """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
@@ -56,6 +60,9 @@ class WishRelay:
             let_go = self._gate.released(hand, now_ns) if allowed else self._gate.cut_off(hand)
             if let_go is not None:
                 self._ask_for(let_go)
+            elif self._ends_ns is not None and now_ns >= self._ends_ns:
+                self._ends_ns = None
+                self._ask_for(_NOWHERE)
 
     def _ask_for(self, point: Point) -> None:
         position = self._message.position

@@ -12,6 +12,8 @@ Point = tuple[float, float, float]
 PLANE, VERTICAL, SPACE = "plane", "vertical", "space"
 AXES = {PLANE: (0, 1), VERTICAL: (2,), SPACE: (0, 1, 2)}
 """Axes of a movement, by the protocol's space."""
+OTHER = {PLANE: VERTICAL, VERTICAL: PLANE}
+"""Axes that a protocol does not use, by its space; in space it uses all."""
 
 SAFETY_OK = 0  # SafetyState.OK
 FARTHEST = 1.0  # [m] on any axis; larger positions are impossible on this robot
@@ -24,7 +26,8 @@ class HandSample(NamedTuple):
     sequence: its number; time_ns: acquisition on a clock that nobody sets [ns]; x, y from the
     workspace centre and z from the bottom of travel [m]; vx, vy, vz [m/s]; fx, fy, fz: force of the
     patient on the robot [N]; stop: why the session must stop, empty if it may continue; stamp_ns:
-    the same moment on the system clock [ns].
+    the same moment on the system clock [ns]; others: the axes that the session does not use can be
+    held, since they have torque and a known position.
     """
 
     sequence: int
@@ -40,6 +43,7 @@ class HandSample(NamedTuple):
     fz: float
     stop: str = ""
     stamp_ns: int = 0
+    others: bool = True
 
     @property
     def position(self) -> Point:
@@ -65,13 +69,11 @@ def hand_sample(message: Any, space: str) -> HandSample:
     """
     p, v, f = message.position, message.velocity, message.force
     stamp_ns = ns_of(message.header.stamp)
+    robot = (message.valid, message.enabled, message.vertical_locked, message.safety)
     return HandSample(
         int(message.sequence), int(getattr(message, "monotonic_ns", stamp_ns)),
         p.x, p.y, p.z, v.x, v.y, v.z, f.x, f.y, f.z,
-        stop_reason(
-            space, message.valid, message.enabled, message.vertical_locked, message.safety
-        ),
-        stamp_ns,
+        stop_reason(space, *robot), stamp_ns, not stop_reason(OTHER.get(space, space), *robot),
     )  # fmt: skip
 
 

@@ -44,18 +44,36 @@ class Line(NamedTuple):
         return sum(each * each for each in across)
 
 
+class Hold(NamedTuple):
+    """Slot without length on the axes that a protocol does not use: z if vertical, else x and y.
+
+    It stays the same through all trials, and has no start.
+    """
+
+    slot: Slot
+    vertical: bool
+
+
 class SlotWish(NamedTuple):
     """Requested slots of the plane and of the vertical axis, None = no slot.
 
-    start_ns: stamp of the movement's start [ns], None while the slots are open.
+    start_ns: stamp of the movement's start [ns], None while the slots are open. hold: of other
+    axes than those of the slots.
     """
 
     plane: Slot | None = None
     vertical: Slot | None = None
     start_ns: int | None = None
+    hold: Hold | None = None
 
 
 NO_SLOT = SlotWish()
+
+
+def held(point: Point, space: str, like: Slot) -> Hold:
+    """Return what holds the axes other than those of a space at a point [m]; like: its walls."""
+    plane, vertical = in_space(point, point, like)
+    return Hold(vertical if space == PLANE else plane, space == PLANE)
 
 
 def slots(line: Line, like: Slot, start_ns: int | None) -> SlotWish:

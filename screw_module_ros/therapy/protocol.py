@@ -55,6 +55,12 @@ class Rules(NamedTuple):
     settle_time: Annotated[
         float, Setting("time within the hit radius of the start before a trial", "s", 0.0, 5.0)
     ]
+    prepare_growth: Annotated[
+        float, Setting("stiffening of these walls until the hand is there", "N/m/s", 0.0, 200.0)
+    ] = 60.0  # ours: as the back wall of clock_adaptive
+    hold_stiffness: Annotated[
+        float, Setting("of what holds the axes that are not used", "N/m", 0.0, 800.0)
+    ] = 800.0  # ours: the stiffest wall of a slot
 
 
 class Targets(NamedTuple):

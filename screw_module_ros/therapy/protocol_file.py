@@ -9,7 +9,6 @@ protocol and a replay computes it again.
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -97,15 +96,24 @@ def limited(protocol: Protocol, stiffest: float) -> Protocol:
     The adaptation stays within the limit; without walls there is nothing to adapt.
     """
     bounds = protocol.adaptation
-    growth = min(protocol.guidance.growth, _most_growth(protocol, stiffest))
+    guidance, rules = protocol.guidance, protocol.rules
+    shortest = bounds.shortest if bounds else guidance.duration
+    growth = _bounded_growth(
+        guidance.growth, guidance.back_stiffness, rules.give_up + rules.hold - shortest, stiffest
+    )
+    prepare_growth = _bounded_growth(
+        rules.prepare_growth, rules.prepare_stiffness,
+        rules.prepare_limit + rules.settle_time - rules.prepare_duration, stiffest,
+    )  # fmt: skip
     if bounds is not None:
         bounds = _softened(bounds, stiffest, "stiffest")
         if bounds.softest >= bounds.stiffest:
             bounds = bounds._replace(softest=_SOFTEST_SHARE * bounds.stiffest)
-    guidance = _softened(protocol.guidance, stiffest, "back_stiffness", "side_stiffness")
+    guidance = _softened(guidance, stiffest, "back_stiffness", "side_stiffness")
+    rules = _softened(rules, stiffest, "prepare_stiffness", "hold_stiffness")
     return protocol._replace(
         guidance=guidance._replace(growth=growth),
-        rules=_softened(protocol.rules, stiffest, "prepare_stiffness"),
+        rules=rules._replace(prepare_growth=prepare_growth),
         blocks=tuple(_softened(block, stiffest, "stiffness") for block in protocol.blocks),
         adaptation=bounds if stiffest > 0.0 else None,
     )
@@ -115,24 +123,15 @@ def _softened(record: Any, stiffest: float, *names: str) -> Any:
     return record._replace(**{name: min(getattr(record, name), stiffest) for name in names})
 
 
-def _most_growth(protocol: Protocol, stiffest: float) -> float:
-    """Return the growth with which no wall passes the limit by the latest end of a trial [N/m/s].
+def _bounded_growth(growth: float, stiffness: float, longest: float, stiffest: float) -> float:
+    """Return the growth [N/m/s] with which no wall passes the limit `stiffest` [N/m].
 
-    Without a limit any: the controllers then bound the growing wall.
+    stiffness: of the wall at first [N/m]; longest: time for which it grows [s]. Without a limit
+    any growth: the controllers then bound the growing wall.
     """
-    if stiffest >= AssistanceLimits().stiffness:
-        return math.inf
-    guidance, rules = protocol.guidance, protocol.rules
-    shortest = protocol.adaptation.shortest if protocol.adaptation else guidance.duration
-    over_time = rules.give_up + rules.hold - shortest
-    over_prepare = rules.prepare_limit + rules.settle_time - rules.prepare_duration
-    return min(
-        (stiffest - min(stiffness, stiffest)) / longest if longest > 0.0 else math.inf
-        for stiffness, longest in (
-            (guidance.back_stiffness, over_time),
-            (rules.prepare_stiffness, over_prepare),
-        )
-    )
+    if stiffest >= AssistanceLimits().stiffness or longest <= 0.0:
+        return growth
+    return min(growth, (stiffest - min(stiffness, stiffest)) / longest)
 
 
 def _check_workspace(protocol: Protocol, workspace: WishLimits) -> None:

@@ -11,11 +11,11 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
-from .hand import VERTICAL, HandSample, plausible
-from .line import NO_SLOT, SlotWish
+from .hand import OTHER, VERTICAL, HandSample, plausible
+from .line import NO_SLOT, Hold, SlotWish, held
 from .measures import Row
 from .protocol import Protocol, plan
-from .trial import PrepareError, TrialCourse
+from .trial import Phase, PrepareError, TrialCourse
 
 
 class State(IntEnum):
@@ -67,6 +67,7 @@ class Session:
         self._plans = list(plan(protocol))
         self._circuits: list[Circuit] = []
         self._movements: list[Row] = []
+        self._hold: Hold | None = None
         self.trial: TrialCourse | None = self._next_trial()
 
     @property
@@ -77,7 +78,9 @@ class Session:
     @property
     def wish(self) -> SlotWish:
         """Return the requested slots; none while the session does not run."""
-        return self.trial.wish if self.state == State.RUNNING and self.trial else NO_SLOT
+        if self.state != State.RUNNING or self.trial is None:
+            return NO_SLOT
+        return self.trial.wish._replace(hold=self._hold)
 
     def take(self, sample: HandSample) -> Outcome:
         """Process one sample.
@@ -94,6 +97,7 @@ class Session:
         except PrepareError as error:
             self.pause(str(error))
             return _NOTHING
+        self._hold_others(sample, rests=self.trial.phase != Phase.PREPARE)
         result = self.trial.result
         if result is None:
             return _NOTHING
@@ -117,13 +121,31 @@ class Session:
     def resume(self) -> None:
         """Continue after a pause."""
         if self.state == State.PAUSED:
-            self.state, self.reason = State.RUNNING, ""
+            self.state, self.reason, self._hold = State.RUNNING, "", None
             self.trial = self._next_trial()
 
     def abort(self, reason: str) -> None:
         """End the session; it cannot be resumed."""
         if self.state in UNDER_WAY:
             self.state, self.reason, self.trial = State.ABORTED, reason, None
+
+    def _hold_others(self, sample: HandSample, rests: bool) -> None:
+        """Hold the axes that the protocol does not use where the hand is when it first `rests`.
+
+        Until it rests at a start, it gives way to what pulled it before the session. While these
+        axes have no torque or position nothing holds them, or they would jump with the torque.
+        """
+        space = self.protocol.space
+        if space not in OTHER:
+            return
+        if not (sample.others and plausible(OTHER[space], sample)):
+            self._hold = None
+        elif self._hold is None and rests:
+            walls = self.protocol.guidance.slot()._replace(
+                side_stiffness=self.protocol.rules.hold_stiffness,
+                half_width=0.0, end_half_width=0.0, growth=0.0,
+            )  # fmt: skip
+            self._hold = held(sample.position, space, walls)
 
     def _next_trial(self) -> TrialCourse | None:
         if len(self.results) == len(self._plans):

@@ -28,6 +28,7 @@ from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, Block, Protocol, 
 
 _HELD = (HOLD, RESISTED, STRENGTH)  # kinds in which walls hold the hand to one point
 _NS = 1_000_000_000
+_AT_ONCE = 0.1  # [s] shortest duration of a slot
 
 
 class Phase(IntEnum):
@@ -88,9 +89,13 @@ class TrialCourse:
             self._since_ns = sample.time_ns
             guide = self._guide()
             self.wish = slots(Line(sample.position, self.origin, space), guide, sample.time_ns)
+        passed = self._passed(sample, self._since_ns)
         if away > rules.hit_radius:
             self._rest_ns = 0
-            if self._passed(sample, self._since_ns) > rules.prepare_limit:
+            if passed >= rules.prepare_duration and self.wish.start_ns == self._since_ns:
+                point = Line(self.origin, self.origin, space)
+                self.wish = slots(point, self._pull(), sample.time_ns)
+            if passed > rules.prepare_limit:
                 raise PrepareError(
                     f"the hand is {away * 1e3:.0f} mm from the start of trial {self.plan.number} "
                     f"after {rules.prepare_limit:g} s: free it, then resume"
@@ -109,6 +114,17 @@ class TrialCourse:
             side_stiffness=stiffness,
             half_width=rules.hit_radius,
             end_half_width=0.2 * rules.hit_radius,
+            growth=0.0,
+        )
+
+    def _pull(self) -> Slot:
+        """Return a tube at the start, which stiffens: a pull away from the line stops no session.
+
+        From the line alone the hand hangs where the arm's pull and the side walls are equal.
+        """
+        growth = self._rules.prepare_growth
+        return self._guide()._replace(
+            duration=_AT_ONCE, half_width=0.0, end_half_width=0.0, growth=growth
         )
 
     def _show(self, sample: HandSample) -> None:
@@ -222,7 +238,9 @@ def _slot_of(protocol: Protocol, block: Block, assistance: Assistance) -> Slot:
     """Return the slot of a block's trials, without start and target."""
     slot = protocol.guidance.slot()
     if block.kind in _HELD:
-        return slot._replace(side_stiffness=block.stiffness, half_width=0.0, end_half_width=0.0)
+        return slot._replace(
+            side_stiffness=block.stiffness, half_width=0.0, end_half_width=0.0, growth=0.0
+        )
     if block.assisted:
         return slot._replace(
             duration=assistance.duration, side_stiffness=assistance.side_stiffness

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control.slot import (
     OPEN,
+    SHORTEST,
     Slot,
     SlotInput,
     SlotLimits,
@@ -58,6 +59,7 @@ def test_back_wall_follows_the_minimum_jerk_way():
 
 WIDE, NARROW = LINE.half_width, LINE.end_half_width
 HOLD = Slot(0.1, 0.1, 0.1, 0.1)
+POINT = HOLD._replace(duration=0.1, half_width=0.0, end_half_width=0.0)
 HEIGHT = Slot(start_x=0.18, target_x=0.32)
 PULL = 100.0 * (0.05 - HOLD.half_width)
 
@@ -75,6 +77,9 @@ PULL = 100.0 * (0.05 - HOLD.half_width)
         (at(0.0, 0.1, since=3.4), (0.0, 5.6)),
         (at(0.0, 0.12, since=1000.0), (0.0, 0.02 * LIMITS.stiffness)),
         (at(0.1 + 0.03, 0.1 + 0.04, HOLD), (-0.6 * PULL, -0.8 * PULL)),  # round its point
+        (at(0.13, 0.1, POINT, since=0.1), (-3.0, 0.0)),  # a tube grows over time too
+        (at(0.13, 0.1, POINT, since=2.1), (-0.03 * (100.0 + 2.0 * POINT.growth), 0.0)),
+        (at(0.13, 0.1, POINT, since=1000.0), (-0.03 * LIMITS.stiffness, 0.0)),
         (at(0.20, 0.0, HEIGHT, since=0.7), (100.0 * (0.25 - 0.20), 0.0)),  # in one dimension
     ],
 )
@@ -141,11 +146,13 @@ acts = st.lists(
 def largest_step(state, output):
     """How far the force on a hand at rest may go in a tick [N]: by fades, and the wall's motion."""
     used, fade = state.slot, DT / LIMITS.fade_time
-    grown = used.back_stiffness + used.growth * max(state.since - used.duration, 0.0)
-    stiffest = min(max(grown, used.side_stiffness), LIMITS.stiffness)
+    grown = used.growth * max(state.since - used.duration, 0.0)
+    tube = length_of(used) < SHORTEST
+    grows = used.side_stiffness if tube else used.back_stiffness
+    stiffest = min(max(grows + grown, used.side_stiffness), LIMITS.stiffness)
     wall = 2.0 * DT * 1.875 * max(length_of(used), 0.1) / used.duration
     narrow = 2.0 * DT * used.half_width / used.duration
-    lead = max(0.0, output.wall - output.along)
+    lead = math.hypot(output.along, output.across) if tube else max(0.0, output.wall - output.along)
     pressed = stiffest * (wall + narrow + fade * lead) + 2.0 * DT * used.growth * lead
     return fade * LIMITS.force + pressed
 

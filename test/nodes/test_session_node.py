@@ -22,6 +22,7 @@ from wired import Topics
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes import therapy_recording, therapy_session
 from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.law_inputs import slot_of
 from screw_module_ros.nodes.therapy_recording import (
     BEGUN,
     LOST,
@@ -357,11 +358,22 @@ def test_a_session_begins_without_the_games_set_point(relay):
     """NaN alone leaves the spring where it is, and it pulled until the recording had begun."""
     relay.wishes.append(wish(0.1))
     relay.relay(True, HAND, 10 * S)
-    relay.begin(WishLimits())
-    assert all(value != value for value in relay.asked[-1])
-    for second in (11, 12):
-        relay.relay(False, HAND, second * S)
+    relay.begin(WishLimits(), 11 * S)
+    assert all(math.isnan(value) for value in relay.asked[-1])
+    for tenth in range(9):
+        relay.relay(False, HAND, 11 * S + tenth * S // 10)
     assert relay.asked[2:] == [HAND]
+    for second in (12, 13):
+        relay.relay(False, HAND, second * S)
+    assert len(relay.asked) == 4, "and then nowhere: a pause must not pull back there"
+    assert all(math.isnan(value) for value in relay.asked[3])
+
+
+def test_a_session_begins_without_the_set_point_of_anybody(relay):
+    """That of the homing pulled up all through sessions in the plane."""
+    relay.begin(WishLimits(), 11 * S)
+    relay.relay(False, HAND, 11 * S)
+    assert relay.asked[1] == HAND
 
 
 def test_the_sessions_node_takes_a_games_pull_with_it(session):
@@ -389,6 +401,8 @@ def test_a_node_that_was_deactivated_forgets_the_patient(session):
     node.step()
     state = ends.told["therapy/state"][-1]
     state.header.stamp.sec = state.header.stamp.nanosec = state.monotonic_ns = 0
+    assert math.isnan(state.arm_weight)
+    state.arm_weight = 0.0
     idle = TherapyState(state=TherapyState.IDLE)
     idle.header.frame_id = "manus_base"
     assert state == idle
@@ -405,6 +419,37 @@ def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(session, mon
         answer = asked(node, "~/start", request).message
     assert "still records a session of P-33333" in answer and "session_recorder/stop" in answer
     assert asked(node, "~/start", request).success
+
+
+def ready_hand(sequence, z=0.2) -> EndpointState:
+    """A hand at rest, on a robot that may move it."""
+    message = at_hand(sequence)
+    message.position.x, message.position.z, message.monotonic_ns = 0.0, z, sequence * 5_000_000
+    message.valid, message.enabled, message.safety = [True] * 3, [True] * 2, SafetyState.OK
+    return message
+
+
+def test_the_height_of_a_session_in_the_plane_is_held_as_one_slot(session):
+    """Each trial has its own slot; one that holds must not fade out and in with each."""
+    node, ends = session
+    ends.heard["endpoint_state"].append(ready_hand(5))
+    node.step()
+    request = StartTherapy.Request(protocol="evaluation", patient="P-7K3QX")
+    assert asked(node, "~/start", request).success
+    for sequence in range(6, 1000):
+        ends.heard["endpoint_state"].append(ready_hand(sequence, z=0.2 if sequence < 100 else 0.19))
+        node.step()
+    slots = ends.told["therapy/slot"]
+    assert len({(each.planar, each.start_ns) for each in slots}) > 2
+    moments = [slot_of(each, vertical=True) for each in slots]
+    rested = next(n for n, (slot, _) in enumerate(moments) if slot is not None)
+    assert slots[rested].start_ns == 0 and slots[0].start_ns > 0, "not yet while it is prepared"
+    ((slot, start_ns),) = set(moments[rested:])
+    assert slot[:4] == (0.2, 0.0, 0.2, 0.0) and start_ns == 0
+    assert (slot.side_stiffness, slot.half_width, slot.growth) == (800.0, 0.0, 0.0)
+    assert asked(node, "~/pause", Trigger.Request()).success
+    node.step()
+    assert slot_of(ends.told["therapy/slot"][-1], vertical=True) == (None, 0)
 
 
 MESSAGES = 150  # three quarters of a second

@@ -66,7 +66,12 @@ FEEBLE = Person(WEAK, 2.6, spread=0.2, bow=0.015, reaction=0.4, reach=0.8)
 
 
 class Simulation:
-    """A person at the robot; `step` moves both by 2.5 ms, `sample` is what endpoint_state tells."""
+    """A person at the robot; `step` moves both by 2.5 ms, `sample` is what endpoint_state tells.
+
+    pull: of the person's muscles on the hand, whatever he wants [N].
+    """
+
+    pull = (0.0, 0.0, 0.0)
 
     def __init__(self, session: Session, person: Person, seed: int):
         self.session = session
@@ -145,6 +150,7 @@ class Simulation:
             # Implicit in the arm's own spring and damper, as the plant is.
             own = (
                 steady
+                + self.pull[axis]
                 + stiffness * (hand - self.position[axis])
                 + damping * hand_velocity
             )

@@ -56,11 +56,13 @@ def test_a_wall_that_stiffens_over_time_stays_below_the_limit(name, stiffest):
     )
     guidance, rules = protocol.guidance, protocol.rules
     shortest = protocol.adaptation.shortest if protocol.adaptation else guidance.duration
-    for stiffness, growing in (
-        (guidance.back_stiffness, rules.give_up - shortest),
-        (rules.prepare_stiffness, rules.prepare_limit - rules.prepare_duration),
-    ):
-        assert stiffness + guidance.growth * growing <= stiffest
+    for stiffness, growth, growing in (
+        (guidance.back_stiffness, guidance.growth, rules.give_up - shortest),
+        (rules.prepare_stiffness, rules.prepare_growth,
+         rules.prepare_limit - rules.prepare_duration),
+    ):  # fmt: skip
+        assert stiffness + growth * growing <= stiffest
+    assert rules.hold_stiffness <= stiffest
 
 
 @pytest.mark.parametrize("bounds", [{"shortest": 0.9}, {}, {"stiffest": 250.0}])
@@ -73,7 +75,8 @@ def test_bounds_that_a_protocol_leaves_out_are_limited_too(bounds):
 
 
 def test_no_stiffness_grows_neither():
-    assert limited(load_protocol("clock_adaptive"), 0.0).guidance.growth == 0.0
+    protocol = limited(load_protocol("clock_adaptive"), 0.0)
+    assert (protocol.guidance.growth, protocol.rules.prepare_growth) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -102,6 +102,69 @@ def test_elevator_and_space():
     assert played(HEALTHY, part(evaluation, 0, circuits=1))[0].state == State.FINISHED
 
 
+@pytest.mark.parametrize(("pull", "begins"), [(5.0, True), (10.0, True), (12.0, False)])
+def test_a_pull_to_the_body_keeps_no_session_from_its_beginning(pull, begins):
+    """With 5 N no movement was begun, as the hand hung 11 mm from the start, for ever."""
+    session = Session(part(CLOCK, 0, circuits=1, targets=1))
+    simulation = Simulation(session, HEALTHY, 1)
+    simulation.pull = (0.0, -pull, 0.0)
+    simulation.run(40.0)
+    assert (len(session.results) > 0) is begins
+    assert ("from the start of trial 1 after 20 s" in session.reason) is not begins
+
+
+def rest(session, sample):
+    """Let the hand rest where the sample is, until a trial waits for it."""
+    for number in range(200):
+        session.take(sample._replace(time_ns=sample.time_ns + number * 5_000_000))
+
+
+@pytest.mark.parametrize(("name", "place"), [
+    ("clock_adaptive", (0.0, 0.0, 0.25)), ("elevator", (0.06, -0.04, 0.18)),
+])  # fmt: skip
+def test_what_a_protocol_does_not_use_is_held_where_the_hand_is(name, place):
+    """The vertical spring pulled up to a set point of long ago, all session."""
+    session = Session(load_protocol(name))
+    sample = Simulation(session, HEALTHY, 1).sample()
+    here = sample._replace(x=place[0], y=place[1], z=place[2])
+    session.take(here)
+    assert session.wish.hold is None, "what pulled it before lets it go first"
+    rest(session, here)
+    hold = session.wish.hold
+    at = (place[2], 0.0) if hold.vertical else place[:2]
+    assert hold.vertical is (name == "clock_adaptive")
+    assert hold.slot[:4] == (*at, *at)
+    assert (hold.slot.side_stiffness, hold.slot.half_width) == (800.0, 0.0)
+    session.take(sample._replace(x=0.01, z=0.2))
+    assert session.wish.hold == hold, "it stays where it began"
+    session.pause("the arm pulls hard")
+    assert session.wish == NO_SLOT
+    session.resume()
+    rest(session, here._replace(z=0.21) if hold.vertical else here._replace(x=0.02))
+    assert session.wish.hold.slot.start_x == (0.21 if hold.vertical else 0.02), "held anew"
+    session.abort("the therapist ended it")
+    assert session.wish == NO_SLOT
+
+
+@pytest.mark.parametrize("gone", [{"others": False}, {"z": math.nan}])
+def test_an_axis_without_torque_or_home_is_not_held(gone):
+    """Else it would jump back to where it was held as soon as the torque comes."""
+    session = Session(CLOCK)
+    sample = Simulation(session, HEALTHY, 1).sample()
+    rest(session, sample)
+    assert session.wish.hold is not None
+    session.take(sample._replace(**gone))
+    assert session.state == State.RUNNING and session.wish.hold is None
+    session.take(sample._replace(z=0.1))
+    assert session.wish.hold.slot.start_x == 0.1
+
+
+def test_in_space_every_axis_is_guided():
+    session = Session(load_protocol("reach_3d"))
+    session.take(Simulation(session, HEALTHY, 1).sample())
+    assert session.wish.hold is None and session.wish.vertical is not None
+
+
 def test_stop_pauses_and_takes_the_slot_away_until_resumed():
     session = Session(part(CLOCK, 1, circuits=1))
     simulation = Simulation(session, HEALTHY, 1)

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from screw_module_ros.control.minimum_jerk import pace, way
+from screw_module_ros.control.slot import length_of
 from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.columns import Trial
 from screw_module_ros.therapy.hand import PLANE, HandSample
@@ -138,6 +139,35 @@ def test_a_hand_that_does_not_come_to_the_start_is_said_so():
     hand.y = 0.05
     with pytest.raises(PrepareError, match="50 mm from the start of trial 1 after 20 s"):
         hand.stay(21.0)
+
+
+def test_a_hand_that_is_pulled_from_the_start_is_drawn_there_ever_stiffer():
+    """From the walls along the line alone 5 N kept a hand 11 mm off, and no session began."""
+    hand = Hand(trial())
+    hand.x, hand.y = 0.0, -0.012
+    hand.stay(1.9)
+    assert hand.trial.wish.plane.growth == 0.0 and length_of(hand.trial.wish.plane) > 0.01
+    hand.stay(0.2)
+    tube, begun = hand.trial.wish.plane, hand.trial.wish.start_ns
+    assert tube[:4] == (0.0, 0.0, 0.0, 0.0)
+    assert (tube.growth, tube.side_stiffness) == (60.0, 200.0)
+    assert (tube.half_width, tube.end_half_width) == (0.0, 0.0)
+    hand.stay(5.0)
+    assert (hand.trial.wish.plane, hand.trial.wish.start_ns) == (tube, begun), "it goes on growing"
+    hand.y = -0.009
+    assert hand.stay(0.5) == Phase.WAIT
+    stuck = Hand(trial())
+    stuck.y = -0.012
+    with pytest.raises(PrepareError, match="12 mm from the start"):
+        stuck.stay(20.1)
+
+
+@pytest.mark.parametrize("kind", ["hold", "resisted", "strength"])
+def test_what_holds_a_hand_in_a_trial_does_not_stiffen(kind):
+    growing = EVALUATION.guidance._replace(growth=100.0)
+    held = trial(block(kind), EVALUATION._replace(guidance=growing))
+    Hand(held).stay(0.5)
+    assert held.phase == Phase.MOVING and held.wish.plane.growth == 0.0
 
 
 def test_unassisted_slot_only_damps():

@@ -40,27 +40,34 @@ class SlotInbox:
         if message is None:
             return
         try:
-            guide.ask(slot_of(message, self._vertical), message.start_ns, now_ns)
+            guide.ask(*slot_of(message, self._vertical), now_ns)
             self.refused = ""
         except ValueError as error:
             self.refused = f"{THERAPY_SLOT}: {error}"
 
 
-def slot_of(message: TherapySlot, vertical: bool) -> Slot | None:
-    """Return the message's slot for one group of axes, None when they have none."""
-    if not (message.vertical if vertical else message.planar):
-        return None
+def slot_of(message: TherapySlot, vertical: bool) -> tuple[Slot | None, int]:
+    """Return the message's slot for one group of axes, None for none, and its start [ns].
+
+    Axes that are held have a slot without length, which is always open.
+    """
     start, target = message.start, message.target
     line: tuple[float, float, float, float] = (
         (start.z, 0.0, target.z, 0.0) if vertical else (start.x, start.y, target.x, target.y)
     )
-    return Slot(
-        *line,
-        message.duration,
-        message.back_stiffness,
-        message.side_stiffness,
-        message.damping,
-        message.half_width,
-        message.end_half_width,
-        message.growth,
-    )
+    if message.vertical if vertical else message.planar:
+        slot = Slot(
+            *line,
+            message.duration,
+            message.back_stiffness,
+            message.side_stiffness,
+            message.damping,
+            message.half_width,
+            message.end_half_width,
+            message.growth,
+        )
+        return slot, message.start_ns
+    if message.held[vertical]:
+        point = Slot(*line[:2], *line[:2], damping=message.damping, half_width=0.0, growth=0.0)
+        return point._replace(side_stiffness=message.hold_stiffness, end_half_width=0.0), 0
+    return None, 0
