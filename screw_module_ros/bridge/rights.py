@@ -24,6 +24,7 @@ SERVICES = {
     "therapy_session/pause": _TRIGGER,
     "therapy_session/resume": _TRIGGER,
     "therapy_session/abort": _TRIGGER,
+    "therapy_session/weigh": "screw_module_msgs/srv/StartTherapy",
     "therapy_session/describe_parameters": _PARAMETERS + "DescribeParameters",
     "therapy_session/get_parameters": _PARAMETERS + "GetParameters",
     "therapy_session/set_parameters": _PARAMETERS + "SetParameters",

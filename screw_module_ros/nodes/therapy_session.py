@@ -29,7 +29,7 @@ from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, HandSample, Point, hand_sample
-from screw_module_ros.therapy.line import SlotWish
+from screw_module_ros.therapy.line import NO_SLOT, SlotWish
 from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
@@ -39,8 +39,10 @@ from screw_module_ros.therapy.protocol_file import (
     sha256,
 )
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
+from screw_module_ros.therapy.weighing import WeighingSettings
 from screw_module_ros.therapy.wishes import WishLimits
 
+from .arm_weighing import ArmWeighing, checked_side
 from .support import topics
 from .support.node import Node
 from .support.place import below, root_folder
@@ -89,7 +91,7 @@ class Course:
     sample: HandSample | None = None
     sampled_ns: int | None = None
     sent: tuple[State, str, Any] | None = None
-    wish: SlotWish | None = None
+    wish: SlotWish = NO_SLOT
     start_ns: int = 0
 
     @property
@@ -116,11 +118,13 @@ class TherapySessionNode(Node):
         super().__init__("therapy_session")
         self.parameters.declare(
             TherapySettings, wish=WishLimits, assistance=AssistanceLimits,
-            attendance=AttendanceSettings, recorder=RecorderSettings,
+            attendance=AttendanceSettings, recorder=RecorderSettings, weighing=WeighingSettings,
         )  # fmt: skip
         self.course = Course(Attendance())
         self._recording = SessionRecording(self, self.clock)
+        self._arms = ArmWeighing(self)
         self.serve(StartTherapy, "~/start", self._start)
+        self.serve(StartTherapy, "~/weigh", lambda of: self.requests.ask(lambda: self._weigh(of)))
         self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
         self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
         self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
@@ -143,6 +147,7 @@ class TherapySessionNode(Node):
         self.course = Course(Attendance(self.parameters.read(AttendanceSettings, "attendance")))
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
+        self._arms.forget()
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
@@ -178,6 +183,7 @@ class TherapySessionNode(Node):
             before = session.state
             self._publish(session, session.take(course.sample))
             self._note_state(session, before)
+        self._arms.take(message)
 
     def _note_state(self, session: Session, before: State) -> None:
         """Record the sample after which a state began: a replay needs it."""
@@ -189,12 +195,13 @@ class TherapySessionNode(Node):
         """Pause the session when its samples stop or the therapist's page is silent."""
         if self._take_attendance() is not None:
             self.course.attendance.hear(now_ns)
-        session = self.course.session
-        if session is None:
-            return
-        if self.course.silent(now_ns):
-            self._change(session, session.pause, f"{graph.ENDPOINT_STATE} is silent")
-        if reason := self.course.attendance.pause_reason(now_ns):
+        silent, session = self.course.silent(now_ns), self.course.session
+        reason = self.course.attendance.pause_reason(now_ns)
+        if silent:
+            reason = f"{graph.ENDPOINT_STATE} is silent"
+        if reason:
+            self._arms.leave(reason, at_once=silent)
+        if reason and session is not None:
             self._change(session, session.pause, reason)
 
     def _change(self, session: Session, act: Callable[..., None], *reason: str) -> bool:
@@ -235,22 +242,31 @@ class TherapySessionNode(Node):
         """Publish slot and state when they have changed, and repeat them now and then."""
         course, session = self.course, self.course.session
         course.state.monotonic_ns = now_ns
-        if session is None:
-            if course.due(now_ns):
-                course.state.state = TherapyState.IDLE
-                self._tell(self._publish_state, course.state)
+        guides = self._arms.dialogue if self._arms.is_on else session
+        wish = guides.wish if guides else NO_SLOT
+        progress = None
+        if session is not None:
+            progress = session.state, session.reason, session.trial and session.trial.phase
+        if not (course.due(now_ns) or progress != course.sent or wish != course.wish):
             return
-        progress = (session.state, session.reason, session.trial and session.trial.phase)
-        if not (course.due(now_ns) or progress != course.sent or session.wish != course.wish):
+        if wish != course.wish:
+            course.start_ns = wish.start_ns or 0
+            fill_slot(course.slot, wish, course.start_ns)
+            if course.sample and not course.is_under_way:  # else the spring pulls between slots
+                self._wishes.rest_at(course.sample.position)
+        course.slot.support = self._arms.support
+        if session or wish != course.wish or self._arms.is_on:
+            self._tell(self._publish_slot, course.slot)
+        course.wish = wish
+        self._arms.fill(course.state)
+        if session is None or progress is None:
+            course.state.state = TherapyState.IDLE
+            self._tell(self._publish_state, course.state)
             return
-        if session.wish != course.wish:
-            course.start_ns = session.wish.start_ns or 0
         if course.sent is None or progress[:2] != course.sent[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
-        course.sent, course.wish = progress, session.wish
-        fill_slot(course.slot, session.wish, course.start_ns)
-        self._tell(self._publish_slot, course.slot)
+        course.sent = progress
         fill_state(course.state, session, course.patient, course.sample)
         course.state.recorded = self._recording.runs
         course.state.definition = ""
@@ -259,12 +275,12 @@ class TherapySessionNode(Node):
         self._tell(self._publish_state, course.state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
-        is_free = not (self.course.is_under_way or ends)
+        is_free = not (self.course.is_under_way or self._arms.is_on or ends)
         allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, self.course.hand(now_ns), now_ns)
 
     def _start(self, request: StartTherapy.Request) -> str:
-        patient = checked_pseudonym(request.patient)
+        patient, _ = checked_pseudonym(request.patient), checked_side(request.side)
         name = self._named(request.protocol)
         protocol, definition = allowed_protocol(
             protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
@@ -281,6 +297,8 @@ class TherapySessionNode(Node):
         course = self.course
         if course.session is not None and course.is_under_way:
             return f"a session of {course.patient} is {course.session.state.word}: end it first"
+        if self._arms.is_on:
+            return "an arm is being weighed: wait, or end that"
         if course.sample is None:
             return "no endpoint_state has come yet"
         now_ns = self.clock.now_ns()
@@ -288,15 +306,30 @@ class TherapySessionNode(Node):
             return start_refusal
         course.attendance.begin(request.attended, now_ns)
         course.patient, course.definition = patient, definition
+        course.state.side, course.state.checks = request.side, request.checks
+        self._arms.know(patient, request.side)
         course.state.definition_sha256 = sha256(definition)
         course.session = Session(protocol, _WAITS if request.record else "")
-        course.sent = course.wish = None
+        course.sent = None
         course.state.state_since = course.sample.sequence
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
         self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns)
         return ""
+
+    def _weigh(self, request: StartTherapy.Request) -> str:
+        """Begin to weigh the arm of a patient, or go on; the state tells what comes next."""
+        course = self.course
+        if course.is_under_way:
+            return "a session is under way: weigh before it, or end it first"
+        if course.sample is None:
+            return "no endpoint_state has come yet"
+        limits = self.parameters.read(WishLimits, "wish")
+        if not self._arms.is_on:
+            course.attendance.begin(request.attended, self.clock.now_ns())
+            self._wishes.begin(limits, self.clock.now_ns())
+        return self._arms.press(request, limits)
 
     def _named(self, protocol: str) -> str:
         """Return one of the package's protocols, or the path of a file below `folder`."""

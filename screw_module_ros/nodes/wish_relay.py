@@ -46,6 +46,10 @@ class WishRelay:
         self._ask_for(_NOWHERE)
         self._ends_ns = now_ns + SILENT_NS
 
+    def rest_at(self, hand: Point) -> None:
+        """Move the set point to the hand [m]."""
+        self._ask_for(hand)
+
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
         """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
 

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weighs a patient's arm: empty cradle, arm strapped in, "let it hang" at three places.
+
+::
+
+    EMPTY -> STRAP -> HANG near, far, high -> BACK -> OVER
+                        `-- a guard refuses --^
+
+The handle's transducer bears what hangs on the handle, and friction lies behind it, so that any law
+that holds the handle will do. What it shows of the empty cradle is the zero of the weighing: what
+the tare has drifted since costs nothing, and a tare with an arm on the handle is noticed. An arm
+weighs more far out than near the body, hence three places. Slots lead the hand there, hold it, and
+bring it back to where it was strapped in. They do not carry it down, nor while one follows another:
+from the first place on it is supported with what was found so far.
+
+It uses no clock: its course depends on the hand's samples and on who presses the button.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from enum import Enum, auto
+from typing import Annotated, NamedTuple
+
+from ..control.limits import clamp
+from ..control.slot import Slot
+from ..settings import Setting
+from .hand import SPACE, HandSample, Point, distance, plausible
+from .line import NO_SLOT, Line, slots
+
+PLACES = ("near", "far", "high")
+_AWAY, _UP = 0.6, 0.85  # shares of the workspace's half depth and height
+_WAY = 3.0  # time of each way [s]; one value, so that the vertical slot of two places is the same
+# All that follows is ours. The walls are the stiffest of a slot, so that an arm of 25 N hangs 5 cm
+# below its place at most, with the friction of a mode that leaves it. They do not grow: then the
+# hand would rise, by 4 mm/s, while it is weighed.
+_GUIDE = Slot(
+    back_stiffness=800.0, side_stiffness=800.0, damping=20.0, half_width=0.0, end_half_width=0.0,
+    growth=0.0, duration=_WAY,
+)  # fmt: skip
+_EMPTY, _SETTLE, _HANG = 1.0, 1.5, 3.0  # of the empty cradle, of the arm at its place [s]
+_ZERO, _OLDEST = 1.0, 1800.0  # that the empty cradle may show [N], for so long [s]
+_REACH, _SPEED, _BLOCK = 0.06, 0.005, 0.5  # from the place [m]; of the hand [m/s], over [s]
+_VARIES, _PULL = 0.7, 8.0  # standard deviation of the weight, force to a side [N]
+_LIGHTEST, _HEAVIEST, _DIFFERS = 2.0, 25.0, 5.0  # arm; difference of its places [N]
+_LEAST = 50.0  # samples a second from which a weight is judged
+_NS = 1e-9
+
+
+class WeighingSettings(NamedTuple):
+    """What hangs on the handle beside the arm."""
+
+    cradle: Annotated[
+        float, Setting("weight of what is put on the handle with the arm, after the tare: not the "
+                       "arm's", "N", 0.0, 15.0)
+    ] = 0.0  # ours
+
+
+class Hanging(NamedTuple):
+    """What hangs on the handle: weight, mean of the places [N]; spread, largest less smallest."""
+
+    weight: float
+    spread: float
+
+
+class Step(Enum):
+    """Steps of the dialogue."""
+
+    EMPTY = auto()
+    STRAP = auto()
+    HANG = auto()
+    BACK = auto()
+    OVER = auto()
+
+
+def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
+    """Return where the arm is weighed [m]: near, far, high, within the ranges of x, y, z [m]."""
+    _, (_, depth), (low, high) = ranges
+    middle, top = 0.5 * (low + high), low + _UP * (high - low)
+    return [(0.0, -_AWAY * depth, middle), (0.0, _AWAY * depth, middle), (0.0, 0.0, top)]
+
+
+class Weighing:
+    """One dialogue, from the empty cradle to a weight, or to the sentence that refuses it.
+
+    step: of the dialogue; wish: requested slots; support: requested, upward [N]; told: what it
+    waits for or has found, a sentence; result: None before the end, and when it was refused.
+    """
+
+    def __init__(self, where: Sequence[Point], cradle: float = 0.0):
+        """Begin with the empty cradle.
+
+        where: the arm is weighed, in the order of `PLACES` [m]; cradle: see `WeighingSettings` [N].
+        """
+        self.step = Step.EMPTY
+        self.wish = NO_SLOT
+        self.support = 0.0
+        self.told = "keep off the handle: the empty cradle is measured"
+        self.result: Hanging | None = None
+        self._where, self._cradle = where, cradle
+        self._samples: list[HandSample] = []  # of the cradle, or of the arm at its place
+        self._zero: Point = (0.0, 0.0, 0.0)
+        self._zero_ns = self._since_ns = 0
+        self._goes_on = False
+        self._origin: Point = (0.0, 0.0, 0.0)
+        self._found: list[float] = []
+        self._end = ""
+
+    def press(self) -> None:
+        """Go on once the arm is strapped in; while something is measured, end it."""
+        if self.step == Step.STRAP:
+            self._goes_on = True
+        else:
+            self.leave("not weighed: the therapist ended it")
+
+    def leave(self, told: str) -> None:
+        """End it, and bring back an arm that hangs."""
+        if self.step == Step.HANG:
+            self._back(self._samples[-1], told)
+        elif self.step != Step.BACK:
+            self.stop(told)
+
+    def stop(self, told: str) -> None:
+        """End it at once, without slots and support."""
+        if self.step != Step.OVER:
+            self.step, self.wish, self.support, self.told = Step.OVER, NO_SLOT, 0.0, told
+
+    def take(self, sample: HandSample) -> None:
+        """Process one sample; one with `stop` ends it as soon as the robot holds the arm."""
+        if self.step == Step.OVER:
+            return
+        if not plausible(SPACE, sample) or not all(map(math.isfinite, sample.force)):
+            self.stop("not weighed: where the hand is, its speed or its force is not known")
+        elif self.step == Step.EMPTY:
+            self._empty(sample)
+        elif self.step == Step.STRAP:
+            if self._goes_on:
+                self._begin(sample)
+        elif sample.stop:
+            self.stop(f"not weighed: {sample.stop}")
+        elif self.step == Step.HANG:
+            self._hang(sample)
+        elif self._passed(sample) >= _WAY + _SETTLE:
+            self.stop(self._end)
+
+    def _empty(self, sample: HandSample) -> None:
+        self._samples.append(sample)
+        if (sample.time_ns - self._samples[0].time_ns) * _NS < _EMPTY:
+            return
+        force, varies = _force_of(self._samples)
+        shown = math.hypot(*force)
+        if shown > _ZERO or varies > _VARIES:
+            self.stop(
+                f"not weighed: the empty cradle shows {shown:.1f} N ({_ZERO:g} N at most), varying "
+                f"by {varies:.1f} N ({_VARIES:g} N at most): take everything off the handle; if "
+                "that stays, tare the force sensor with the torque off; then weigh again"
+            )
+            return
+        self.step, self._zero, self._zero_ns = Step.STRAP, force, sample.time_ns
+        self.told = "strap the arm in and lay it down, then press again and let it hang"
+
+    def _begin(self, sample: HandSample) -> None:
+        age = (sample.time_ns - self._zero_ns) * _NS
+        if age > _OLDEST:
+            self.stop(
+                f"not weighed: the empty cradle was measured {age / 60.0:.0f} min ago "
+                f"({_OLDEST / 60.0:g} min at most): take the arm out, then weigh again"
+            )
+        elif sample.stop:
+            self._goes_on = False
+            self.told = f"the robot cannot hold the arm: {sample.stop}; mend that, then press again"
+        else:
+            self._origin = sample.position
+            self._to_next(sample)
+
+    def _to_next(self, sample: HandSample) -> None:
+        at = len(self._found)
+        self.step = Step.HANG
+        self.told = f"let it hang: {PLACES[at]}, {at + 1} of {len(self._where)}"
+        self._guide(sample, self._where[at])
+
+    def _back(self, sample: HandSample, end: str) -> None:
+        """Lead the arm to where it was strapped in; end: what is told of it all."""
+        self.step, self.told, self._end = Step.BACK, f"{end}; the arm is brought back", end
+        self._guide(sample, self._origin)
+
+    def _guide(self, sample: HandSample, to: Point) -> None:
+        self._since_ns, self._samples = sample.time_ns, [sample]
+        x, y, z = sample.position
+        held = self.wish.vertical
+        if held is not None and held.target_x == to[2]:
+            z = held.start_x  # the same slot goes on, and does not fade
+        self.wish = slots(Line((x, y, z), to, SPACE), _GUIDE, sample.time_ns)
+
+    def _hang(self, sample: HandSample) -> None:
+        settled = self._passed(sample) - _WAY - _SETTLE
+        if settled < 0.0:
+            self._samples = [sample]
+            return
+        self._samples.append(sample)
+        if settled < _HANG:
+            return
+        force, varies = _force_of(self._samples)
+        if flaw := self._flaw(sample, force, varies):
+            self._back(sample, f"not weighed: {flaw}, then weigh again")
+            return
+        self._found.append(self._zero[2] - force[2] - self._cradle)
+        self.support = clamp(statistics.fmean(self._found), 0.0, _HEAVIEST)
+        if len(self._found) < len(self._where):
+            self._to_next(sample)
+        else:
+            self._back(sample, self._weighed())
+
+    def _flaw(self, sample: HandSample, force: Point, varies: float) -> str:
+        """Return why what hung there is not the arm's weight alone, and what to do; else nothing.
+
+        force: mean; varies: standard deviation of the vertical one [N].
+        """
+        at, samples = len(self._found), self._samples
+        away, speed = distance(SPACE, sample.position, self._where[at]), _speed(samples)
+        pull = max(abs(force[axis] - self._zero[axis]) for axis in (0, 1))
+        guards = (
+            (len(samples) < _LEAST * _HANG,
+             f"{len(samples)} samples in {_HANG:g} s ({_LEAST * _HANG:g} at least): wait a moment"),
+            (away > _REACH,
+             f"the hand is {away * 1e3:.0f} mm from the place {PLACES[at]} ({_REACH * 1e3:g} mm at "
+             "most): free its way, and choose a mode other than 0"),
+            (varies >= _VARIES,
+             f"the weight varies by {varies:.1f} N ({_VARIES:g} N at most), he helps or trembles: "
+             "let him loosen the arm"),
+            (speed >= _SPEED,
+             f"the hand moves by {speed * 1e3:.0f} mm/s ({_SPEED * 1e3:g} mm/s at most): let it "
+             "hang still"),
+            (pull >= _PULL,
+             f"the arm pulls by {pull:.1f} N to a side ({_PULL:g} N at most): stretch it slowly"),
+        )  # fmt: skip
+        return next((sentence for is_bad, sentence in guards if is_bad), "")
+
+    def _weighed(self) -> str:
+        """Keep the result; return what is told of it."""
+        weight, spread = statistics.fmean(self._found), max(self._found) - min(self._found)
+        if not _LIGHTEST <= weight <= _HEAVIEST:
+            return (
+                f"not weighed: {weight:.1f} N hang on the handle (from {_LIGHTEST:g} to "
+                f"{_HEAVIEST:g} N wanted): is the arm strapped in and loose, and nothing else on "
+                "the handle? Then weigh again"
+            )
+        self.result = Hanging(weight, spread)
+        differs = f"; heavier far out: support the mean, expect ±{0.5 * spread:.1f} N"
+        return f"the arm weighs {weight:.1f} N{differs if spread >= _DIFFERS else ''}"
+
+    def _passed(self, sample: HandSample) -> float:
+        return (sample.time_ns - self._since_ns) * _NS
+
+
+def _force_of(samples: Sequence[HandSample]) -> tuple[Point, float]:
+    """Return the mean force and the standard deviation of the vertical one [N]."""
+    x, y, z = (statistics.fmean(s.force[axis] for s in samples) for axis in (0, 1, 2))
+    return (x, y, z), statistics.pstdev(s.fz for s in samples)
+
+
+def _speed(samples: Sequence[HandSample]) -> float:
+    """Return the largest mean speed over half a second [m/s].
+
+    A sample's own speed shows single counts of the encoders, and a tremor, which has its guard.
+    """
+    first, speed = samples[0], 0.0
+    for sample in samples:
+        passed = (sample.time_ns - first.time_ns) * _NS
+        if passed >= _BLOCK:
+            speed = max(speed, distance(SPACE, sample.position, first.position) / passed)
+            first = sample
+    return speed
