@@ -4,11 +4,13 @@
 ::
 
     sample -> real? -> set point, fades -> law.foresee -> estimate -> law.ask -> 65 N up, 45 N down
-      -> guard -> law.help -> standing bound -> + weight -> speed limit -> force limits
+      + support -> guard -> law.help -> standing bound -> + weight -> speed limit -> force limits
       -> soft stops -> rate limit -> command
 
-What a law asks for on the hand stays within the limits of the endpoint (thesis 2.1.1). The total
-command also carries the weight and overcomes friction; its limits are 95 N and 75 N.
+What a law asks for on the hand stays within the limits of the endpoint (thesis 2.1.1), together
+with the support that carries the patient's arm (`support`). The support is no law's: it stays while
+one law makes room for another, and as long as it lasts the module's weight is carried too. The
+total command also carries that weight and overcomes friction; its limits are 95 N and 75 N.
 
 Nothing jumps. A law fades in and out over `fade_time`. Stiffness, damping, gravity and set point
 change at limited rates. The command changes by at most `force_rate` dt per step, 2 N at 1 kHz by
@@ -126,7 +128,7 @@ def enveloped(law: Law) -> Step:
         mode = inp.mode if runs or heeds else s.mode  # a law that leaves sees its own mode
         s.mode = mode
         _follow(p, s, inp, runs, dt)
-        _fade(p, s, runs, runs or inp.mode == LEAVE, dt)
+        _fade(p, s, runs, runs or inp.mode == LEAVE or inp.support != 0.0, dt)
 
         # What the law feeds forward; the estimate takes it as known.
         gravity = s.base * s.gravity
@@ -155,8 +157,9 @@ def enveloped(law: Law) -> Step:
         pull = (1.0 - inp.slot_weight) * wished + inp.slot_force
         if lively > 0.0:
             pull -= damper_force(s.guard.passivity, motion.speed, lively, p.chatter_damping)
-        desired = min(max(pull, -p.force_down), p.force_up)
-        impedance = s.weight * desired
+        support = inp.support
+        desired = min(max(pull, -p.force_down - support), p.force_up - support)
+        impedance = _pressed(p, s.weight * desired, support)
 
         if lively > 0.0:
             leaky = asked.leaky if heeds else 0.0
@@ -212,7 +215,8 @@ def initial_state(p: VerticalSettings, law: Law, own: Any) -> EnvelopeState:
 def _usable(inp: VerticalInput, dt: float) -> bool:
     """Return whether the inputs can be real; comparisons with NaN are false."""
     slot = abs(inp.slot_force) <= STRONGEST and 0.0 <= inp.slot_weight <= 1.0
-    return slot and is_real(inp.position, inp.velocity, inp.force) and dt > 0.0
+    sample = is_real(inp.position, inp.velocity, inp.force) and dt > 0.0
+    return slot and sample and abs(inp.support) <= STRONGEST
 
 
 def _rest(p: VerticalSettings, s: EnvelopeState, position: float) -> VerticalOutput:
@@ -263,6 +267,13 @@ def _fade(p: VerticalSettings, s: EnvelopeState, runs: bool, carries: bool, dt: 
     s.gravity = slew(s.gravity, p.gravity, p.gravity_rate * dt)
     s.base = slew(s.base, 1.0 if carries else 0.0, share)
     s.weight = slew(s.weight, 1.0 if runs else 0.0, share)
+
+
+def _pressed(p: VerticalSettings, asked: float, support: float) -> float:
+    """Return what presses on the hand [N]: what the law asks for and the support."""
+    if support == 0.0:
+        return asked
+    return min(max(asked + support, -p.force_down), p.force_up)
 
 
 def _standing(p: VerticalSettings, s: EnvelopeState, impedance: float, helping: float) -> float:

@@ -12,7 +12,8 @@ class VerticalInput(NamedTuple):
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none; setpoint_velocity
     [m/s]; active: False holds the command at zero and the set point at the measured position;
-    slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, of spring and dampers that it replaces.
+    slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, of spring and dampers that it replaces;
+    support: force that carries the hand, whatever the law asks for (`support`) [N].
     """
 
     mode: int
@@ -24,6 +25,7 @@ class VerticalInput(NamedTuple):
     active: bool
     slot_force: float = 0.0
     slot_weight: float = 0.0
+    support: float = 0.0
 
 
 class VerticalOutput(NamedTuple):

@@ -43,7 +43,8 @@ class DriveReports(CanopenDevice):
     wrong_length (frames dropped as too short), bad_statusword (patterns not in CiA 402),
     illegal_transitions (states that cannot follow each other), slow_polls_failed (of what TPDO2
     does not bring). Of a longer frame the mapped bytes count, which come first (CiA 301, 7.5.2.36).
-    logic: goal and fault of the drive. reading: the newest cyclic answer, None before the first.
+    logic: goal and fault of the drive. brakes: it does when its torque goes off, else it coasts.
+    reading: the newest cyclic answer, None before the first.
     shown: the state in it. synced_ns: arrival of the last SYNC, 0 without any since the start.
     torque_of: torque of one in command and actual torque [Nm], direction
     included. mode_confirmed: the drive has said that it is in torque mode, since it can tell.
@@ -55,9 +56,9 @@ class DriveReports(CanopenDevice):
         self, port: Port, settings: DriveSettings, label: str, per_turn: float, profile: Profile
     ):
         super().__init__(port, settings, label, profile)
-        brake = settings.stop_reaction == BRAKE
+        self.brakes = settings.stop_reaction == BRAKE
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
-        self.logic = DriveLogic(label, brake, settings.enable_timeout, silence)
+        self.logic = DriveLogic(label, self.brakes, settings.enable_timeout, silence)
         self._reported = Reported(slow_status.SLOW_STATUS, signed=(slow_status.MODE_DISPLAY,))
         self.torque_of = 0.0
         self.mode_confirmed = False

@@ -170,7 +170,9 @@ def answers_of(law: Law) -> Callable[..., np.ndarray]:
                 state = VelocityState(moved[0], moved[1], moved[2])
                 velocity, state = velocity_step(smooth, state, seen[0], period)
                 moved[0], moved[1], moved[2] = state.position, state.raw, state.smooth
-                inp = VerticalInput(mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0)
+                inp = VerticalInput(
+                    mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0, 0.0
+                )
                 output = step(settings[0], own[0], memory[0], inp, period)
                 force = output.force
                 if row < 0:

@@ -27,6 +27,7 @@ from ..control.laws import law_of, loaded, own_of
 from ..control.laws.thesis import THESIS
 from ..control.limits import CommandLimits
 from ..control.linearization import IDENTITY, default_linearization
+from ..control.support import SupportState
 from ..control.torque_chain import TorqueChain
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
@@ -43,6 +44,7 @@ from .trials import (
     WAY_S,
     WAYS_OUT,
     AnalyzerTrial,
+    CarryTrial,
     HandTrial,
     MotionTrial,
     NotPossible,
@@ -143,6 +145,7 @@ class SimulatedStand:
             return plane_samples(self.world, trial, self.seed, on_progress)
         hand = _hand_in(trial)
         motion: Any = hand.motion if hand else trial
+        carries = trial if isinstance(trial, CarryTrial) else None
         modes_of = (motion.mode, hand.then_mode) if hand else ()
         law = next(filter(None, (law_of(mode, self.laws) for mode in modes_of)), THESIS)
         params = self._params(motion, law)
@@ -154,11 +157,15 @@ class SimulatedStand:
         if hand:
             plant = params.plant._replace(grip=hand.grip)
             params = params._replace(plant=plant, path=hand.before)
+            if carries:
+                params = _carrying(params, carries)
             _, state = self._ticks(law, params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
         if isinstance(trial, StageTrial):
             rows, state = self._driven(trial, law, params, state, on_progress)
+        elif carries:
+            rows, state = self._carried(carries, law, params, state, on_progress)
         else:
             rows, state = self._moved(duration_of(trial), hand, law, params, state, on_progress)
         force, torque, _ = self._zero(law, params, state)
@@ -176,6 +183,22 @@ class SimulatedStand:
             rows, state = self._ticks(law, there, state, seconds, on_progress)
             ways.append(rows)
         return np.concatenate(ways), state
+
+    def _carried(
+        self, trial: CarryTrial, law: Law, params: LoopParams, state: LoopState,
+        on_progress: OnProgress,
+    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
+        """Return the samples of the parts, one after the other."""
+        parts = []
+        for part in trial.parts:
+            begin = part.path.begin + state.ticks * params.period
+            own = params._replace(
+                path=part.path._replace(begin=begin), wish=part.support, powered=part.powered,
+                braked=part.braked, fixture=HUMAN_ARM if part.there else FREE,
+            )  # fmt: skip
+            rows, state = self._ticks(law, own, state, part.seconds, on_progress)
+            parts.append(rows)
+        return np.concatenate(parts), state
 
     def _moved(
         self, length: float, hand: HandTrial | None, law: Law, params: LoopParams,
@@ -269,8 +292,8 @@ class SimulatedStand:
         nothing = np.zeros(params.late // params.steps + 1)
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
-            0, 0.0, module, memory, velocity_settled(_HUNG_AT), 0.0, nothing,
-            CurrentSensorState(), 0.0, *noise,
+            0, 0.0, module, memory, packed(SupportState()), velocity_settled(_HUNG_AT), 0.0,
+            nothing, CurrentSensorState(), 0.0, *noise,
         )  # fmt: skip
 
     def _zero(
@@ -352,12 +375,21 @@ def _hand_in(trial: Trial) -> HandTrial | None:
     """Return what the hand does in a trial, None where there is none."""
     if isinstance(trial, HandTrial):
         return trial
+    if isinstance(trial, CarryTrial):
+        first = trial.parts[0].path
+        return HandTrial(trial.motion, resting(first.start), first, trial.grip)
     if not isinstance(trial, MotionTrial):
         return None
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
     path = HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
     return HandTrial(trial, resting(c), path)
+
+
+def _carrying(params: LoopParams, trial: CarryTrial) -> LoopParams:
+    """Return the parameters with the arm's weight and the first part's wish."""
+    arm = params.plant.arm._replace(weight=trial.weight)
+    return params._replace(plant=params.plant._replace(arm=arm), wish=trial.parts[0].support)
 
 
 def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:

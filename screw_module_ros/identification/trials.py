@@ -175,6 +175,40 @@ class HandTrial(NamedTuple):
         return self.motion.duration
 
 
+class Part(NamedTuple):
+    """A part of a `CarryTrial`.
+
+    seconds: that it lasts; path: of the virtual hand, from the part's begin on; support: asked for,
+    up positive [N]; there: the hand is on the handle; powered: the drive is enabled; braked: else
+    it shorts the motor.
+    """
+
+    seconds: float
+    path: HandPath
+    support: float
+    there: bool = True
+    powered: bool = True
+    braked: bool = False
+
+
+class CarryTrial(NamedTuple):
+    """An arm hangs on the handle, and the robot carries it with its support; in process only.
+
+    motion: mode, law, arm and centre, of which alone count; weight: that hangs on the handle [N];
+    parts: one after the other, the first after 3 s in which the support comes; grip: of the hand.
+    """
+
+    motion: MotionTrial
+    weight: float
+    parts: tuple[Part, ...]
+    grip: ArmForce = RIGID
+
+    @property
+    def duration(self) -> float:
+        """Of the samples [s]."""
+        return sum(part.seconds for part in self.parts)
+
+
 class PlaneLoop(NamedTuple):
     """The sampled loop of the plane, as the node `manus` has it on the graph.
 
@@ -212,7 +246,9 @@ class PlanarTrial(NamedTuple):
     structure_stiffness: float = 0.0
 
 
-Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | PlanarTrial
+Trial = (
+    TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | HandTrial | CarryTrial | PlanarTrial
+)
 AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
@@ -228,7 +264,7 @@ class Samples(NamedTuple):
 
     True values, None on the live graph: handle [m], handle_velocity [m/s], true_force: of the
     patient on the robot [N]. share: remaining force gain after the chatter guard, 0 to 1; on the
-    live graph its value at the end.
+    live graph its value at the end. support: in use, of a `CarryTrial` [N].
     """
 
     time: np.ndarray
@@ -242,6 +278,7 @@ class Samples(NamedTuple):
     handle_velocity: np.ndarray | None = None
     true_force: np.ndarray | None = None
     share: np.ndarray = np.ones(1)
+    support: np.ndarray = np.zeros(1)
 
     @property
     def felt(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -282,7 +319,7 @@ def duration_of(trial: Trial) -> float:
 
 _NEEDS = {
     TorqueTrial: TORQUE, AnalyzerTrial: ANALYSER, StageTrial: STAGE, PlanarTrial: PLANE,
-    HandTrial: ONLY_IN_PROCESS, MotionTrial: MOTION,
+    HandTrial: ONLY_IN_PROCESS, CarryTrial: ONLY_IN_PROCESS, MotionTrial: MOTION,
 }  # fmt: skip
 
 

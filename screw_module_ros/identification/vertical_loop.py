@@ -17,6 +17,7 @@ import numpy as np
 
 from ..control.envelope import enveloped
 from ..control.law import Law
+from ..control.support import SupportInput, SupportSettings, support_step
 from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
 from ..control.vertical import VerticalInput
 from ..control.vertical_settings import VerticalSettings
@@ -32,8 +33,8 @@ from ..plant.vertical import vertical_step
 REST, SINE, LAW = 0, 1, 2
 SIDE_OMEGA = 2.0  # angular frequency of the sideways force [rad/s]
 # position, velocity, force, torque, command, current; truth: handle, its velocity, patient's force;
-# remaining share of the force gain
-COLUMNS = 10
+# remaining share of the force gain, support in use
+COLUMNS = 11
 
 
 class Transducer(NamedTuple):
@@ -61,7 +62,8 @@ class LoopParams(NamedTuple):
     law; law: settings of its envelope, own: what its functions get; centre: where the trial begins,
     and the law's set point [m]. side_force: amplitude of the
     planar force on the handle [N]. counts: of the encoder per turn; volt_counts: of the A/D card
-    that reads the current sensor [1/V].
+    that reads the current sensor [1/V]. support: of the patient's arm; wish: for it, up positive
+    [N]; powered: the drive is enabled; braked: else it shorts the motor.
     """
 
     plant: VerticalParams
@@ -90,12 +92,16 @@ class LoopParams(NamedTuple):
     side_force: float = 0.0
     counts: int = COUNTS_PER_TURN
     volt_counts: float = 204.8
+    support: SupportSettings = SupportSettings()
+    wish: float = 0.0
+    powered: bool = True
+    braked: bool = False
 
 
 class LoopState(NamedTuple):
     """ticks: since the trial began; on_time: since power-on [s]; the module; the law's
-    `EnvelopeState` from `compiled.packed`, which a tick changes in place; the encoder's last
-    position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
+    `EnvelopeState` and the `SupportState`, from `compiled.packed`, which a tick changes in place;
+    the encoder's last position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
     currents of the bridge [A], first the acting one, then one for each whole period of delay;
     volts: current sensor; first, second: state of the noise."""
 
@@ -103,6 +109,7 @@ class LoopState(NamedTuple):
     on_time: float
     module: ModuleState
     law: Any
+    support: Any
     motion: VelocityState
     heat: float
     under_way: np.ndarray
@@ -138,9 +145,12 @@ def ticks_of(law: Law) -> Callable[[Any, LoopState, np.ndarray], LoopState]:
         for row in range(columns.shape[0]):
             shown = _sampled(p, state)
             if p.kind == LAW:
+                hand = SupportInput(
+                    p.wish, p.support.up, p.powered, shown.velocity, shown.force, 0.0
+                )
                 inp = VerticalInput(
-                    p.mode, shown.position, shown.velocity, shown.force, p.centre, 0.0, True,
-                    0.0, 0.0,
+                    p.mode, shown.position, shown.velocity, shown.force, p.centre, 0.0, p.powered,
+                    0.0, 0.0, support_step(p.support, state.support[0], hand, p.period),
                 )  # fmt: skip
                 output = step(p.law, p.own, state.law[0], inp, p.period)
                 made, heat = commanded(p.chain, state.heat, output.force, 1.0, p.period)
@@ -180,14 +190,14 @@ def _advanced(
     if p.fixture == LOCKED_ROTOR:
         row[5] = round(s.volts * p.volt_counts) / p.volt_counts
     row[6], row[7], row[8] = module.handle, module.handle_velocity, module.patient_force
-    row[9] = s.law[0].guard.share
+    row[9], row[10] = s.law[0].guard.share, s.support[0].force
     under_way = np.empty(s.under_way.size + 1)
     under_way[:-1] = s.under_way
     under_way[-1] = bridge_current(p.amplifier, command * p.amperes)
     module, sensor, volts = _period(p, s, under_way[0], under_way[1])
     return LoopState(
-        s.ticks + 1, s.on_time + p.period, module, s.law, shown.motion, heat, under_way[1:],
-        sensor, volts, shown.first, shown.second,
+        s.ticks + 1, s.on_time + p.period, module, s.law, s.support, shown.motion, heat,
+        under_way[1:], sensor, volts, shown.first, shown.second,
     )  # fmt: skip
 
 
@@ -229,7 +239,7 @@ def _period(
             p.plant,
             module,
             ModuleInput(
-                bridge, True, False, p.fixture, False, p.upright, hand, hand_velocity,
+                bridge, p.powered, p.braked, p.fixture, False, p.upright, hand, hand_velocity,
                 p.stage_speed, p.stage_target, side_force,
             ),
         )  # fmt: skip

@@ -13,6 +13,7 @@ from ..control.law import Law
 from ..control.laws import LAWS
 from ..control.modes import EXCITATION, OFF
 from ..control.slot import Reach, SlotLimits
+from ..control.support import SupportSettings, SupportState
 from ..control.vertical import VerticalInput, VerticalOutput
 from ..control.vertical_settings import VerticalSettings
 from ..safety.checks import Agreement, AgreementSettings, VerticalChecks, WatchSettings
@@ -21,9 +22,10 @@ from ..safety.timing import DeadlineMeter
 from ..samples import EncoderReading, ForceReading
 from .inputs import Guide, Lease, SetpointInput
 from .law_runner import LawRunner
+from .support import Support
 
 _DRIVE_AGE_NS = 200_000_000
-_SLOT_LIMITS = SlotLimits()
+_SLOT_LIMITS, _SUPPORT = SlotLimits(), SupportSettings()
 _NO_SPRING = (OFF, EXCITATION)
 LAPSED = "excitation: its sender has fallen silent, and with it the trial ends"
 NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
@@ -34,8 +36,9 @@ class VerticalController:
 
     mode, settings: may be replaced at any time; the law fades to the new ones. laws: one of them
     runs, as the mode says. output: of the last step. wanted: the set point, height only. guide: the
-    slot, if there is one. fault: what is latched. answered: newest sample turned into a command,
-    None before the first. handle_force: newest accepted one [N]. meter: latency from a sample to
+    slot, if there is one. support: what carries the patient's arm. fault: what is latched.
+    answered: newest sample turned into a command, None before the first. handle_force: newest
+    accepted one [N]. meter: latency from a sample to
     its command. reason: why the force is zero, empty if it is not. activation: its number, other
     than those of controllers before. lease: of a trial; where it lapses while torque may act, that
     is a fault. A fault while the amplifier is on or a force is commanded stays latched until
@@ -55,6 +58,7 @@ class VerticalController:
         laws: tuple[Law, ...] = LAWS,
         own: Mapping[str, Any] | None = None,
         work_ns: Callable[[], int] | None = None,
+        support: SupportSettings = _SUPPORT,
     ):
         """laws: with those of others, own: their settings by the laws' names, work_ns: processor
         time of the loop's thread [ns], for `LawRunner`."""
@@ -67,6 +71,7 @@ class VerticalController:
         self.handle_force = 0.0
         self.wanted = SetpointInput(axes=1)
         self.guide = Guide(slot_limits, Reach(settings.travel_low, settings.travel_high))
+        self.support = Support(support)
         self.lease = Lease()
         self._excited = Excited()
         self.answered: EncoderReading | None = None
@@ -76,6 +81,8 @@ class VerticalController:
         self._agreement = Agreement(agreement)
         self._period_ns = period_ns
         self._enabled: bool | None = None
+        self._brakes = False
+        self._hand: ForceReading | None = None
         self._drive = Age(_DRIVE_AGE_NS)
         self._must_reset = False
 
@@ -87,7 +94,7 @@ class VerticalController:
     def on_force(self, sample: ForceReading, now_ns: int) -> None:
         """Process a force sample."""
         if self._checks.force(sample, now_ns):
-            self.handle_force = sample.fz
+            self.handle_force, self._hand = sample.fz, sample
         self._keep_fault()
 
     def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
@@ -99,12 +106,15 @@ class VerticalController:
         if last is not None and sample.homings != last.homings:
             self._agreement.restart()
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
+        dt = elapsed_ns * 1e-9
         self._check(now_ns)
-        slot = self.guide.guidance(
-            sample.position, 0.0, sample.velocity, 0.0, now_ns, elapsed_ns * 1e-9
-        )
+        slot = self.guide.guidance(sample.position, 0.0, sample.velocity, 0.0, now_ns, dt)
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
+        support = self.support.force(
+            self.laws.needs_force(self.mode), self._brakes, active and not excites,
+            sample.velocity, self._hand, now_ns, dt,
+        )  # fmt: skip
         # Where no spring pulls, a set point that nobody repeats is forgotten too.
         pulls = active and self.mode not in _NO_SPRING
         target, target_speed = self.wanted.at(now_ns, pulls)
@@ -118,8 +128,9 @@ class VerticalController:
             active and not excites,
             slot.force_x,
             slot.weight,
+            support,
         )
-        output = self.laws.step(self.settings, inp, elapsed_ns * 1e-9)
+        output = self.laws.step(self.settings, inp, dt)
         if output is None:
             self.set_fault(self.laws.wrong)
             output = self._no_force()
@@ -152,13 +163,17 @@ class VerticalController:
         """Whether the drive is enabled, or a force is commanded."""
         return self._enabled is True or self.output.force != 0.0
 
-    def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
+    def on_drive(
+        self, enabled: bool, position: float, now_ns: int, brakes: bool = False
+    ) -> None:
         """Process the drive's report: torque on or off, travel of the nut [m].
 
+        brakes: it shorts the motor when its torque goes off, so that the arm does not fall.
         While the torque is off, encoder and drive are compared too, so that a slip at each enabling
         adds up; where they disagree then, one of them counts anew, and so does the comparison.
         """
         self._drive.note(now_ns)
+        self._brakes = brakes
         if not enabled and self.faulted and not self._must_reset:
             self.reset(now_ns)
         if self._enabled is None:
@@ -210,6 +225,7 @@ class VerticalController:
         return self.output
 
     def _no_force(self) -> VerticalOutput:
+        self.support.state = SupportState()
         return NO_FORCE._replace(desired_position=self.output.desired_position)
 
     def reset(self, now_ns: int) -> None:

@@ -105,6 +105,11 @@ class VerticalDrive:
         reading = self.drive.reading
         return reading.position if reading is not None else 0.0
 
+    @property
+    def brakes(self) -> bool:
+        """Whether the drive shorts its motor when the torque goes off, else it coasts."""
+        return self.drive.brakes
+
     def heat(self, now_ns: int) -> float:
         """Return the motor's heat now [Nm^2], after no torque since the last write."""
         if not self._written_ns:  # an activation that failed

@@ -260,7 +260,7 @@ class VerticalLoop:
     ) -> None:
         """Pass drive state, set point and resets to the controller, after the command is sent."""
         if drive:
-            controller.on_drive(drive.permit.enabled, drive.position, now_ns)
+            controller.on_drive(drive.permit.enabled, drive.position, now_ns, drive.brakes)
         self._wires.read_inputs(now_ns)
         controller.end_tick(now_ns)
         self._wires.publish_controller_state(now_ns)

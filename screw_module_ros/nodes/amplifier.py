@@ -19,7 +19,7 @@ from screw_module_ros.control.linearization import IDENTITY
 from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.drive_settings import BRAKE, DriveSettings
+from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
@@ -78,7 +78,6 @@ class AmplifierNode(DriveNode):
     def connect(self) -> None:
         """Find the drive, configure it and its guards."""
         settings = self.parameters.read(DriveSettings)
-        self.state.brakes = settings.stop_reaction == BRAKE
         self._screw = self.parameters.read(Screw)
         linearization, self.state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)
@@ -210,6 +209,7 @@ def fill_amplifier(message: AmplifierState, role: VerticalDrive, now_ns: int) ->
     message.commanded_torque = role.last.torque
     message.measured_torque = reading.torque if reading else 0.0
     message.position = role.position
+    message.brakes = role.brakes
     message.saturated = role.last.saturated
     message.commands = role.meter.samples
     fill_latencies(message, role.meter, now_ns)

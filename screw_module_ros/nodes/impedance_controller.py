@@ -44,6 +44,7 @@ from screw_module_ros.control.laws import (
 )
 from screw_module_ros.control.modes import EXCITATION, OFF
 from screw_module_ros.control.slot import SlotLimits
+from screw_module_ros.control.support import SupportSettings
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
@@ -144,6 +145,7 @@ class ImpedanceControllerNode(Node):
         self.parameters.declare(
             ControllerSettings, CalibrationSettings, GainLimitsSettings, RateSettings,
             VerticalSettings, watch=WatchSettings, agreement=AgreementSettings, slot=SlotLimits,
+            support=SupportSettings,
         )  # fmt: skip
         self._laws = loaded(self.parameters.read(ControllerSettings).laws)
         self._foreign = self._laws[len(LAWS) :]
@@ -288,6 +290,7 @@ class ImpedanceControllerNode(Node):
             self._laws,
             {law.name: self._settings_of(law) for law in self._apart},
             self.clock.work_ns,
+            self.parameters.read(SupportSettings, "support"),
         )
         self._activations = number  # a new process takes longer than the gate waits for a command
         self._resets: int | None = None  # as the supervisor counts them
@@ -421,7 +424,7 @@ class ImpedanceControllerNode(Node):
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot, amplifier state and resets, if they come by a topic."""
         controller, inputs = self.role, self.inputs
-        inputs.slot.read(controller.guide, now_ns)
+        inputs.slot.read(controller.guide, now_ns, controller.support)
         wanted = inputs.setpoint()
         if wanted is not None:
             controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
@@ -430,7 +433,7 @@ class ImpedanceControllerNode(Node):
             self._excite(request, now_ns)
         state = inputs.amplifier()
         if state is not None:
-            controller.on_drive(state.enabled, state.position, now_ns)
+            controller.on_drive(state.enabled, state.position, now_ns, state.brakes)
         if self._senders.warning:
             controller.set_fault(self._senders.warning)
         if now_ns >= self._look_ns:
@@ -546,9 +549,11 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.force_gain = controller.laws.force_gain
     shown = controller.laws.shown
     message.law_names, message.law_values = list(shown), list(shown.values())
-    message.support, message.support_limit, message.hand_off = 0.0, 0.0, False
     message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force
+    support = controller.support
+    message.support, message.support_limit = support.state.force, support.largest
+    message.hand_off = support.state.hand_off
     message.samples = controller.meter.samples
     fill_latencies(message, controller.meter, now_ns)

@@ -10,6 +10,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.envelope import initial_state
 from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.support import SupportState
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.stand import LoopSettings, SimulatedStand
 from screw_module_ros.identification.trials import (
@@ -54,7 +55,7 @@ def test_compiled_loop_is_the_plain_one(stand):
     start = stand._placed(params, stand._start(trial, THESIS, params))
     plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
     run, memory = ticks_of(THESIS), initial_state(params.law, THESIS, params.own)
-    run([params], start._replace(law=[memory]), plain)
+    run([params], start._replace(law=[memory], support=[SupportState()]), plain)
     compiled(run)(packed(params), start, quick)
     assert quick == pytest.approx(plain, abs=1e-9)
 

@@ -81,7 +81,7 @@ def loop(law, own, memory, limits, plant, amplifier, chain, smooth, module, slot
         guided, slotted = slot_step(limits[0], slotted, wanted, period)
         inp = VerticalInput(
             int(row[0]), position, velocity, module.shown_force, row[1], 0.0, True,
-            guided.force_x, guided.weight,
+            guided.force_x, guided.weight, 0.0,
         )  # fmt: skip
         output = vertical_step(law[0], own[0], memory[0], inp, period)
         made, heat = commanded(chain[0], heat, output.force, 1.0, period)

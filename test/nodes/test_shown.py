@@ -47,7 +47,7 @@ class Noted:
     ("kind", "fill", "part", "by_the_node"),
     [
         (ImpedanceState, fill_controller, "controller", {"header", "calibration", "law"}),
-        (AmplifierState, fill_amplifier, "axis", {"header", "calibration", "brakes"}),
+        (AmplifierState, fill_amplifier, "axis", {"header", "calibration"}),
         (PlanarState, fill_plane, "plane",
          {"header", "sequence", "monotonic_ns", "law", "arm"}),
     ],

@@ -91,6 +91,7 @@ def act_and_publish(axis, sample):
         end=lambda tick, permission: None,
         permit=SimpleNamespace(enabled=True),
         position=0.0,
+        brakes=False,
     )
     loop = VerticalLoop(ManualClock(axis.now), MS, Wires(publish_command=axis.node.publish_command))
     loop.step(Roles(encoder, None, axis.node.role, drive))

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from screw_module_msgs.msg import TherapySlot
 from screw_module_msgs.srv import SetImpedance
 
@@ -14,6 +16,9 @@ from .answering import Done
 from .inbox import Inbox
 from .parameters import Parameters
 from .topics import requested
+
+if TYPE_CHECKING:  # the plane carries no arm
+    from screw_module_ros.loop.support import Support
 
 
 def set_impedance(parameters: Parameters, kind: type, request: SetImpedance.Request) -> str:
@@ -34,11 +39,16 @@ class SlotInbox:
         self._vertical = vertical
         self.take = inbox.subscribe(*requested(THERAPY_SLOT))
 
-    def read(self, guide: Guide, now_ns: int) -> None:
-        """Pass a new slot to the guide; an invalid slot counts as none. now_ns [ns]."""
+    def read(self, guide: Guide, now_ns: int, support: Support | None = None) -> None:
+        """Pass a new slot to the guide, and what it carries the arm with to the support.
+
+        An invalid slot counts as none. now_ns [ns].
+        """
         message = self.take()
         if message is None:
             return
+        if support is not None:
+            support.ask(message.support, now_ns)
         try:
             guide.ask(*slot_of(message, self._vertical), now_ns)
             self.refused = ""
