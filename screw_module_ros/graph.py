@@ -152,7 +152,7 @@ _TOPICS = (
     Topic(EXCITATION, _OURS + "ExcitationRequest", "command", "characterize", 0.0,
           ("impedance_controller",)),
     Topic(CONTROLLER_STATE, _OURS + "ImpedanceState", "state", "impedance_controller", 100.0,
-          ("supervisor",)),
+          ("supervisor", "therapy_session")),
     Topic(AMPLIFIER_STATE, _OURS + "AmplifierState", "state", "amplifier", 100.0,
           ("encoder", "force_sensor", "impedance_controller", "endpoint_state", "supervisor")),
     Topic(MANUS_STATE, _OURS + "PlanarState", "state", "manus", 125.0,

@@ -23,11 +23,12 @@ _SLOT_NUMBERS = (
 )  # fmt: skip
 
 
-def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:
-    """Write a wish into a slot message; start_ns: on the monotonic clock [ns], 0 = open."""
+def fill_slot(message: TherapySlot, wish: SlotWish, support: float) -> None:
+    """Write a wish into a slot message, and the support of the arm [N]."""
     plane, vertical = wish.plane, wish.vertical
     message.planar, message.vertical = plane is not None, vertical is not None
-    message.start_ns, message.held = start_ns, [False, False]
+    message.start_ns, message.held = wish.start_ns or 0, [False, False]
+    message.support = support
     if plane is not None:
         message.start.x, message.start.y = plane.start_x, plane.start_y
         message.target.x, message.target.y = plane.target_x, plane.target_y

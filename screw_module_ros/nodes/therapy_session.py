@@ -14,13 +14,13 @@ A therapist's page publishes `therapy/attendance`; a session that has received i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
 
-from screw_module_msgs.msg import EndpointState, TherapySlot, TherapyState
+from screw_module_msgs.msg import EndpointState, ImpedanceState, TherapySlot, TherapyState
 from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
@@ -28,9 +28,9 @@ from screw_module_ros import graph
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
-from screw_module_ros.therapy.hand import PLANE, HandSample, Point, hand_sample
+from screw_module_ros.therapy.hand import PLANE, VERTICAL, HandSample, Point, hand_sample
 from screw_module_ros.therapy.line import NO_SLOT, SlotWish
-from screw_module_ros.therapy.protocol import Protocol
+from screw_module_ros.therapy.protocol import STRENGTH, Protocol
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     AssistanceLimits,
@@ -39,6 +39,7 @@ from screw_module_ros.therapy.protocol_file import (
     sha256,
 )
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
+from screw_module_ros.therapy.support import PULLS_HARD, Spasm, Support, SupportSettings
 from screw_module_ros.therapy.weighing import WeighingSettings
 from screw_module_ros.therapy.wishes import WishLimits
 
@@ -56,6 +57,9 @@ _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
+_NOT_YET = "no endpoint_state has come yet"
+_WEIGHED = "an arm is being weighed: wait, or end that"
+_LOWERED = "the arm is being lowered: wait until it lies"
 
 
 class TherapySettings(NamedTuple):
@@ -67,6 +71,9 @@ class TherapySettings(NamedTuple):
     allow_wishes: Annotated[
         bool, Setting("pass on set points of therapy/wish while no session runs", live=True)
     ] = True
+    rest_height: Annotated[
+        float, Setting("to which ~/lower leads the arm", "m", 0.0, 0.36, live=True)
+    ] = 0.05  # ours: an arm rest, above the soft stop
 
 
 @dataclass
@@ -74,9 +81,9 @@ class Course:
     """What one activation of the node knows; the next one begins without it, and its patient.
 
     slot, state: the messages. session: the newest. patient: its pseudonym. definition: text of its
-    protocol, until it was published. sample: the newest of the hand; sampled_ns: when it came [ns].
-    sent: state, reason and phase of the session that were published last; wish: its slot, start_ns:
-    when that began [ns].
+    protocol, until it was published. heard: the newest endpoint_state, sample: what a session takes
+    of it; sampled_ns: when it came, told_ns: when the controller's state came [ns]. support: of the
+    arm. sent: what was published last: state, reason and phase of the session, slots, support.
     """
 
     attendance: Attendance
@@ -88,16 +95,26 @@ class Course:
     session: Session | None = None
     patient: str = ""
     definition: str = ""
+    heard: EndpointState | None = None
     sample: HandSample | None = None
     sampled_ns: int | None = None
-    sent: tuple[State, str, Any] | None = None
-    wish: SlotWish = NO_SLOT
-    start_ns: int = 0
+    told_ns: int = 0
+    support: Support = field(default_factory=Support)
+    spasm: Spasm = field(default_factory=Spasm)
+    sent: tuple[tuple[State, str, Any] | None, SlotWish, float] = (None, NO_SLOT, 0.0)
 
     @property
     def is_under_way(self) -> bool:
         """Whether a session runs, or may go on."""
         return self.session is not None and self.session.state in UNDER_WAY
+
+    @property
+    def progress(self) -> tuple[State, str, Any] | None:
+        """State, reason and phase of the session, None without one."""
+        if self.session is None:
+            return None
+        trial = self.session.trial
+        return self.session.state, self.session.reason, trial and trial.phase
 
     def silent(self, now_ns: int) -> bool:
         """Return whether no sample of the hand has come lately, at now_ns [ns]."""
@@ -118,7 +135,8 @@ class TherapySessionNode(Node):
         super().__init__("therapy_session")
         self.parameters.declare(
             TherapySettings, wish=WishLimits, assistance=AssistanceLimits,
-            attendance=AttendanceSettings, recorder=RecorderSettings, weighing=WeighingSettings,
+            attendance=AttendanceSettings, recorder=RecorderSettings, support=SupportSettings,
+            weighing=WeighingSettings,
         )  # fmt: skip
         self.course = Course(Attendance())
         self._recording = SessionRecording(self, self.clock)
@@ -128,6 +146,7 @@ class TherapySessionNode(Node):
         self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
         self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
         self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
+        self.serve(Trigger, "~/lower", lambda _: self.requests.ask(self._lower))
 
     def connect(self) -> None:
         """Make the topics."""
@@ -135,6 +154,7 @@ class TherapySessionNode(Node):
         hand = requested(graph.ENDPOINT_STATE, topics.EACH_STATE)
         self._take = inbox.subscribe(*hand, wakes=True)
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
+        self._take_controller = inbox.subscribe(*requested(graph.CONTROLLER_STATE))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._recording.connect(inbox)
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
@@ -149,8 +169,18 @@ class TherapySessionNode(Node):
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
         self._arms.forget()
 
+    def refusal(self, changes: Mapping[str, Any]) -> str:
+        """Return why the support asked for by hand must not be; before activation it counts not."""
+        force = changes.get("support.force", 0.0)
+        if not self.active or not force:
+            return ""
+        return _WEIGHED if self._arms.is_on else self.course.support.refusal(force)
+
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
+        if kind is SupportSettings and self.active:
+            force = self.parameters.read(SupportSettings, "support").force
+            self.requests.put(lambda: self.course.support.ask(force))
         if kind is WishLimits and self.active:
             limits = self.parameters.read(WishLimits, "wish")
             self.requests.put(lambda: self._wishes.limit(limits))
@@ -158,6 +188,7 @@ class TherapySessionNode(Node):
     def end(self) -> None:
         """End a running session, so that the slot fades out, its recording, and a game's pull."""
         now_ns = self.clock.now_ns()
+        self.course.support.stop_lowering()
         if self.course.session is not None:
             self._change(self.course.session, self.course.session.abort, "the node was stopped")
             self._send(now_ns)
@@ -168,6 +199,7 @@ class TherapySessionNode(Node):
         """Process new messages; renew slot and state."""
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
         now_ns = self.clock.now_ns()
+        self._hear_controller(self._take_controller(), now_ns)
         for message in islice(iter(self._take, None), topics.EACH_STATE.depth):
             self._take_sample(message, now_ns)
         self._watch(now_ns)
@@ -175,15 +207,38 @@ class TherapySessionNode(Node):
         self._relay_wishes(now_ns)
         self._send(now_ns)
 
+    def _hear_controller(self, message: ImpedanceState | None, now_ns: int) -> None:
+        """Take what the controller tells of the support, and go on with a lowering."""
+        course, support = self.course, self.course.support
+        if message is not None:
+            course.told_ns = now_ns
+            support.in_use, support.limit = message.support, message.support_limit
+        elif now_ns - course.told_ns > _SILENT_NS:
+            support.in_use, support.limit = math.nan, None
+        support.follow(now_ns)
+
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
         course, session = self.course, self.course.session
-        course.sampled_ns = now_ns
-        course.sample = hand_sample(message, session.protocol.space if session else PLANE)
+        course.sampled_ns, course.heard = now_ns, message
+        sample = hand_sample(message, session.protocol.space if session else PLANE)
+        course.sample = sample._replace(support=course.support.in_use)
         if session is not None:
             before = session.state
             self._publish(session, session.take(course.sample))
             self._note_state(session, before)
         self._arms.take(message)
+        if self._arms.is_on and math.isfinite(self._arms.support):
+            course.support.ask(self._arms.support)  # with which the arm stays carried afterwards
+        course.support.weight = self._arms.weight.weight if self._arms.weight else math.nan
+        if course.spasm.notices(course.sample):
+            self._give_way(session)
+
+    def _give_way(self, session: Session | None) -> None:
+        """End what guides an arm that pulls hard, but where it was asked to; it stays carried."""
+        self.course.support.stop_lowering()
+        self._arms.leave(PULLS_HARD, at_once=True)
+        if session is not None and session.trial and session.trial.kind != STRENGTH:
+            self._change(session, session.pause, PULLS_HARD)
 
     def _note_state(self, session: Session, before: State) -> None:
         """Record the sample after which a state began: a replay needs it."""
@@ -238,41 +293,41 @@ class TherapySessionNode(Node):
         self.stamp(message.header)
         publish(message)
 
+    def _guides(self) -> tuple[SlotWish, float]:
+        """Return the slots that guide the hand now, and the support of the arm [N]."""
+        support, session, weighing = self.course.support, self.course.session, self._arms.dialogue
+        if weighing is not None and self._arms.is_on:
+            return weighing.wish, weighing.support
+        return support.lowering or (session.wish if session else NO_SLOT), support.force
+
     def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
-        course, session = self.course, self.course.session
-        course.state.monotonic_ns = now_ns
-        guides = self._arms.dialogue if self._arms.is_on else session
-        wish = guides.wish if guides else NO_SLOT
-        progress = None
-        if session is not None:
-            progress = session.state, session.reason, session.trial and session.trial.phase
-        if not (course.due(now_ns) or progress != course.sent or wish != course.wish):
+        course, session, state = self.course, self.course.session, self.course.state
+        state.monotonic_ns = now_ns
+        news, last = (course.progress, *self._guides()), course.sent
+        if not (course.due(now_ns) or news != last):
             return
-        if wish != course.wish:
-            course.start_ns = wish.start_ns or 0
-            fill_slot(course.slot, wish, course.start_ns)
-            if course.sample and not course.is_under_way:  # else the spring pulls between slots
-                self._wishes.rest_at(course.sample.position)
-        course.slot.support = self._arms.support
-        if session or wish != course.wish or self._arms.is_on:
+        course.sent = news
+        if session or news[1:] != (NO_SLOT, 0.0) or last[1:] != (NO_SLOT, 0.0):
+            fill_slot(course.slot, *news[1:])
             self._tell(self._publish_slot, course.slot)
-        course.wish = wish
-        self._arms.fill(course.state)
-        if session is None or progress is None:
-            course.state.state = TherapyState.IDLE
-            self._tell(self._publish_state, course.state)
+        if news[1] != last[1] and course.sample and not course.is_under_way:
+            self._wishes.rest_at(course.sample.position)  # else the spring pulls between slots
+        self._arms.fill(state)
+        state.support = course.support.force
+        if session is None:
+            state.state = TherapyState.IDLE
+            self._tell(self._publish_state, state)
             return
-        if course.sent is None or progress[:2] != course.sent[:2]:
+        if last[0] is None or (session.state, session.reason) != last[0][:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
-        course.sent = progress
-        fill_state(course.state, session, course.patient, course.sample)
-        course.state.recorded = self._recording.runs
-        course.state.definition = ""
+        fill_state(state, session, course.patient, course.sample)
+        state.recorded = self._recording.runs
+        state.definition = ""
         if session.state == State.RUNNING:  # once, in the first message of the running session
-            course.state.definition, course.definition = course.definition, ""
-        self._tell(self._publish_state, course.state)
+            state.definition, course.definition = course.definition, ""
+        self._tell(self._publish_state, state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
         is_free = not (self.course.is_under_way or self._arms.is_on or ends)
@@ -298,9 +353,11 @@ class TherapySessionNode(Node):
         if course.session is not None and course.is_under_way:
             return f"a session of {course.patient} is {course.session.state.word}: end it first"
         if self._arms.is_on:
-            return "an arm is being weighed: wait, or end that"
+            return _WEIGHED
         if course.sample is None:
-            return "no endpoint_state has come yet"
+            return _NOT_YET
+        if course.support.lowering is not None:
+            return _LOWERED
         now_ns = self.clock.now_ns()
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
@@ -310,7 +367,8 @@ class TherapySessionNode(Node):
         self._arms.know(patient, request.side)
         course.state.definition_sha256 = sha256(definition)
         course.session = Session(protocol, _WAITS if request.record else "")
-        course.sent = None
+        course.support.ask(course.support.force)  # what was lowered for another stays down
+        course.sent = (None, *course.sent[1:])
         course.state.state_since = course.sample.sequence
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
@@ -324,7 +382,9 @@ class TherapySessionNode(Node):
         if course.is_under_way:
             return "a session is under way: weigh before it, or end it first"
         if course.sample is None:
-            return "no endpoint_state has come yet"
+            return _NOT_YET
+        if course.support.lowering is not None:
+            return _LOWERED
         limits = self.parameters.read(WishLimits, "wish")
         if not self._arms.is_on:
             course.attendance.begin(request.attended, self.clock.now_ns())
@@ -348,7 +408,25 @@ class TherapySessionNode(Node):
         if self._recording.waits:
             return _WAITS
         self.course.attendance.resume(self.clock.now_ns())
-        return self._act("resume")
+        if not (refused := self._act("resume")):
+            self.course.support.carry_on()
+        return refused
+
+    def _lower(self) -> str:
+        """Begin to lower the arm; return why not, empty if done."""
+        course, session = self.course, self.course.session
+        if session is not None and session.state in (State.STARTING, State.RUNNING):
+            return f"the session is {session.state.word}: pause it first"
+        if self._arms.is_on:
+            return _WEIGHED
+        now_ns = self.clock.now_ns()
+        if course.heard is None or course.silent(now_ns):
+            return _NOT_YET
+        hand = hand_sample(course.heard, VERTICAL)
+        if not hand.stop:
+            rest = self.parameters.read(TherapySettings).rest_height
+            course.support.lower(hand.z, rest, now_ns)
+        return hand.stop
 
     def _act(self, name: str, *reason: str) -> str:
         session = self.course.session
@@ -360,7 +438,10 @@ class TherapySessionNode(Node):
     def health(self) -> Health:
         """Report the progress of the session."""
         session = self.course.session
-        values: dict[str, object] = {"recording": self._recording.message}
+        values: dict[str, object] = {
+            "recording": self._recording.message,
+            "support [N]": self.course.support.force,
+        }
         if session is None:
             return Health(OK, "no session", values)
         values |= {"trials done": len(session.results), "trials": session.trials}

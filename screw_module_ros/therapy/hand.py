@@ -27,7 +27,8 @@ class HandSample(NamedTuple):
     workspace centre and z from the bottom of travel [m]; vx, vy, vz [m/s]; fx, fy, fz: force of the
     patient on the robot [N]; stop: why the session must stop, empty if it may continue; stamp_ns:
     the same moment on the system clock [ns]; others: the axes that the session does not use can be
-    held, since they have torque and a known position.
+    held, since they have torque and a known position; support: of the arm in use [N], NaN if it is
+    not known.
     """
 
     sequence: int
@@ -44,6 +45,7 @@ class HandSample(NamedTuple):
     stop: str = ""
     stamp_ns: int = 0
     others: bool = True
+    support: float = math.nan
 
     @property
     def position(self) -> Point:

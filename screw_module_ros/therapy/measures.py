@@ -234,6 +234,11 @@ MEASURES = (
         "Largest vertical force of the patient, up or down.",
     ),
     Measure(
+        "support", "support of the arm", "N", 1.0, KINDS, None,
+        "Mean support of the arm's weight in use, upward on the hand. The controller tells it, not "
+        "the hand's samples, so a replay does not compute it again.",
+    ),
+    Measure(
         "missing", "samples lost", "", 1.0, KINDS, None,
         "Missing samples between a trial's first and last one.",
     ),
@@ -242,7 +247,8 @@ BY_NAME = {measure.name: measure for measure in MEASURES}
 COMPUTED = tuple(measure.name for measure in MEASURES if measure.of is not None)
 COLUMNS = (
     "trial", "block", "circuit", "kind", "assisted", "slot_duration", "side_stiffness",
-    "initiated", "reached", "moved", "first", "last", "samples", "missing", "rate", *COMPUTED,
+    "initiated", "reached", "moved", "first", "last", "samples", "missing", "rate", "support",
+    *COMPUTED,
 )  # fmt: skip
 """Fields of a result without its points and stamps, in the order of the export."""
 

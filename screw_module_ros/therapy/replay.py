@@ -30,7 +30,8 @@ class _Kind(NamedTuple):
     noun: str
 
 
-_TRIAL = _Kind(("trial",), COLUMNS, "trial {}", "complete", "result")
+_AGAIN = tuple(name for name in COLUMNS if name != "support")  # which no sample tells
+_TRIAL = _Kind(("trial",), _AGAIN, "trial {}", "complete", "result")
 _CHANGE = _Kind(
     ("block", "circuit"),
     ("duration_before", "duration", "side_stiffness_before", "side_stiffness", "reason"),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from statistics import fmean as mean
 
 from ..control.minimum_jerk import PEAK_SPEED
 from ..control.slot import Slot
@@ -49,8 +50,8 @@ class PrepareError(RuntimeError):
 class TrialCourse:
     """Processes the hand's samples one by one, from the end of the previous trial.
 
-    phase: current phase; wish: requested slots; origin: start of the hand [m], on a circle the
-    plan's target; result: None before the end.
+    kind: of the trial; phase: current phase; wish: requested slots; origin: start of the hand [m],
+    on a circle the plan's target; result: None before the end.
     """
 
     def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
@@ -62,6 +63,7 @@ class TrialCourse:
         self._rules = protocol.rules
         self._block: Block = protocol.blocks[plan.block - 1]
         self.line = Line(plan.start, plan.target, protocol.space)
+        self.kind = self._block.kind
         self.origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
         self._slot = _slot_of(protocol, self._block, assistance)
         self._samples: list[HandSample] = []
@@ -226,6 +228,7 @@ class TrialCourse:
             "samples": len(samples),
             "missing": sum(gap.missing for gap in gaps_of(samples)),
             "rate": trial.rate,
+            "support": mean(sample.support for sample in samples),
             **computed(trial),
         }
 

@@ -12,8 +12,15 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
+from rclpy.parameter import Parameter
 from rclpy.task import Future
-from screw_module_msgs.msg import EndpointSetpoint, EndpointState, SafetyState, TherapyState
+from screw_module_msgs.msg import (
+    EndpointSetpoint,
+    EndpointState,
+    ImpedanceState,
+    SafetyState,
+    TherapyState,
+)
 from screw_module_msgs.srv import StartRecording, StartTherapy
 from services import asked
 from std_srvs.srv import Trigger
@@ -452,6 +459,163 @@ def test_the_height_of_a_session_in_the_plane_is_held_as_one_slot(session):
     assert slot_of(ends.told["therapy/slot"][-1], vertical=True) == (None, 0)
 
 
+class Room:
+    """A session's node, with a controller and a hand that the test moves.
+
+    limit, in_use: what the controller tells [N]; hand: the newest sample; count: of them.
+    """
+
+    def __init__(self, node, ends):
+        self.node, self.ends = node, ends
+        self.limit, self.in_use, self.count = 25.0, 0.0, 5
+        self.force, self.z = 0.0, 0.2
+
+    def go_on(self, seconds):
+        """Move on, sample by sample, on the node's own clock."""
+        for _ in range(round(seconds * 200)):
+            self.count += 1
+            hand = ready_hand(self.count, self.z)
+            hand.force.z = self.force
+            hand.monotonic_ns = self.node.clock.now_ns()
+            told = ImpedanceState(support=self.in_use, support_limit=self.limit)
+            self.ends.heard["endpoint_state"].append(hand)
+            self.ends.heard["screw/controller_state"].append(told)
+            self.node.step()
+            self.node.clock.time_ns += 5_000_000
+
+    def ask(self, force):
+        """Ask for support by hand [N]; return why not."""
+        changes = [Parameter("support.force", value=force)]
+        refused = self.node.set_parameters_atomically(changes).reason
+        self.go_on(0.005)
+        return refused
+
+    def call(self, name, request=None):
+        answer = asked(self.node, name, request)
+        self.go_on(0.005)
+        return answer.message if not answer.success else ""
+
+    @property
+    def slots(self):
+        return self.ends.told["therapy/slot"]
+
+    @property
+    def state(self):
+        return self.ends.told["therapy/state"][-1]
+
+
+@pytest.fixture
+def room(session):
+    node, ends = session
+    node.clock = ManualClock(100 * S)
+    node.requests.put = lambda act: act()
+    made = Room(node, ends)
+    made.go_on(0.5)
+    return made
+
+
+START = StartTherapy.Request(protocol="evaluation", patient="P-7K3QX")
+
+
+def test_a_support_beyond_its_bounds_is_refused_with_a_sentence(room):
+    assert "was not weighed: at most 15 N" in room.ask(16.0)
+    assert room.ask(15.0) == "" and room.state.support == 15.0
+    room.limit = 0.0
+    room.go_on(0.01)
+    assert "choose mode 3 to 5" in room.ask(10.0)
+    assert room.ask(0.0) == ""
+    room.limit = 8.0
+    room.go_on(0.01)
+    assert "stop_reaction to brake" in room.ask(10.0)
+    assert room.state.support == 0.0
+
+
+def test_an_arm_is_carried_without_a_session_while_one_starts_runs_and_waits(room):
+    assert not room.slots, "who asks for nothing holds no lease"
+    assert room.ask(12.0) == ""
+    room.go_on(1.0)
+    assert len(room.slots) >= 20
+    assert not any(slot.planar or slot.vertical or any(slot.held) for slot in room.slots)
+    assert room.call("~/start", START) == ""
+    room.go_on(1.0)
+    assert room.slots[-1].planar
+    assert room.call("~/pause") == ""
+    count = len(room.slots)
+    room.go_on(1.0)
+    assert len(room.slots) >= count + 20 and not room.slots[-1].planar
+    assert room.call("~/abort") == ""
+    room.go_on(1.0)
+    assert {slot.support for slot in room.slots} == {12.0}, "the end leaves the arm carried"
+    assert room.state.state == TherapyState.ABORTED
+    assert room.ask(0.0) == "" and room.slots[-1].support == 0.0
+
+
+def test_the_arm_is_lowered_and_let_go(room):
+    assert room.ask(12.0) == ""
+    room.in_use = 12.0
+    assert room.call("~/start", START) == ""
+    room.go_on(1.0)
+    assert "the session is running: pause it first" in room.call("~/lower")
+    assert room.call("~/pause") == ""
+    assert room.call("~/lower") == ""
+    slot, _ = slot_of(room.slots[-1], vertical=True)
+    assert (slot.start_x, slot.target_x, room.slots[-1].support) == (0.2, 0.05, 12.0)
+    room.go_on(5.1)
+    assert room.slots[-1].vertical and room.slots[-1].support == 0.0
+    room.in_use = 0.0
+    room.go_on(0.1)
+    assert not room.slots[-1].vertical
+    assert room.call("~/resume") == "" and room.slots[-1].support == 12.0, "it is carried again"
+
+
+def test_what_was_lowered_of_one_is_not_carried_again_of_another(room):
+    assert room.ask(12.0) == ""
+    assert room.call("~/lower") == ""
+    assert "is being lowered" in room.call("~/start", START)
+    room.go_on(6.0)
+    assert room.call("~/start", START) == ""
+    assert room.call("~/pause") == "" and room.call("~/resume") == ""
+    assert room.state.support == 0.0
+
+
+def test_nothing_is_lowered_without_torque(room):
+    room.ends.heard["endpoint_state"].append(EndpointState(valid=[True] * 3))
+    room.node.step()
+    assert asked(room.node, "~/lower").message == "the vertical torque is off"
+
+
+@pytest.mark.parametrize("kind", ["reach", "strength"])
+def test_an_arm_that_pulls_hard_pauses_all_but_a_trial_of_strength(room, kind):
+    assert room.ask(12.0) == "" and room.call("~/start", START) == ""
+    room.go_on(1.0)
+    room.node.course.session.trial.kind = kind
+    room.force = -70.0
+    room.go_on(0.29)
+    assert room.state.state == TherapyState.RUNNING
+    room.go_on(0.1)
+    if kind == "strength":
+        assert room.state.state == TherapyState.RUNNING
+        return
+    assert (room.state.state, room.state.reason) == (TherapyState.PAUSED, "the arm pulls hard")
+    assert not room.slots[-1].planar and room.slots[-1].support == 12.0
+
+
+def test_a_lowering_ends_where_the_arm_pulls_hard(room):
+    assert room.ask(12.0) == "" and room.call("~/lower") == ""
+    room.force = -70.0
+    room.go_on(0.5)
+    assert not room.slots[-1].vertical and room.slots[-1].support == 12.0
+
+
+def test_a_result_has_the_support_that_was_in_use(room):
+    assert room.call("~/start", START) == ""
+    room.go_on(1.0)
+    room.in_use = 7.0
+    room.go_on(12.0)
+    (result,) = room.ends.told["therapy/trial"]
+    assert 6.0 < result.support < 7.0
+
+
 MESSAGES = 150  # three quarters of a second
 
 
@@ -462,8 +626,9 @@ def test_samples_of_a_pause_are_all_taken(make_node, wait_until, monkeypatch):
     node.begin()
     taken = []
     monkeypatch.setattr(
-        therapy_session, "hand_sample", lambda message, space: taken.append(message.sequence)
-    )
+        therapy_session, "hand_sample",
+        lambda message, space: taken.append(message.sequence) or hand_sample(message, space),
+    )  # fmt: skip
     publisher = node.create_publisher(EndpointState, "endpoint_state", topics.EACH_STATE)
     wait_until(lambda: publisher.get_subscription_count() == 1, what="discovery")
     for number in range(MESSAGES):
