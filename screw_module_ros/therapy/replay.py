@@ -30,7 +30,7 @@ class _Kind(NamedTuple):
     noun: str
 
 
-_AGAIN = tuple(name for name in COLUMNS if name != "support")  # which no sample tells
+_AGAIN = tuple(name for name in COLUMNS if name != "support")  # no sample tells it
 _TRIAL = _Kind(("trial",), _AGAIN, "trial {}", "complete", "result")
 _CHANGE = _Kind(
     ("block", "circuit"),

@@ -24,7 +24,6 @@ PULLS_HARD = "the arm pulls hard"
 NO_FEEDBACK = "weight support needs the handle's force fed back: choose mode 3 to 5"
 _SETTLED = 1.0  # [s] ours: for a hand that lags behind
 _GONE = 0.5  # [N] ours: support that is less is no support
-_STRONGEST_DRIVE = 25.0  # [N] of a drive that brakes without torque
 _NS = 1_000_000_000
 _LOWERED = Slot(  # ours: as damped as a slot may be, so that an arm which is heavier comes slowly
     duration=LOWERED_IN, back_stiffness=200.0, side_stiffness=200.0, damping=30.0,
@@ -53,7 +52,7 @@ def refusal(force: float, weight: float, limit: float | None) -> str:
         return "weight support needs the vertical controller, which is silent"
     if limit <= 0.0:
         return NO_FEEDBACK
-    if force > limit and limit < _STRONGEST_DRIVE:
+    if abs(force) > limit:
         return (
             f"without torque this drive coasts and the arm falls: at most {limit:g} N of support, "
             "or set its stop_reaction to brake"

@@ -71,7 +71,7 @@ def ticks(law, own, memory, limits, plant, amplifier, chain, smooth, state, mode
         guided, slotted = slot_step(limits[0], slotted, wanted, PERIOD)
         inp = VerticalInput(
             mode, position, velocity, module.shown_force, rest, 0.0, True,
-            guided.force_x + support, guided.weight,
+            guided.force_x, guided.weight, support,
         )  # fmt: skip
         output = vertical_step(law[0], own[0], memory[0], inp, PERIOD)
         made, heat = commanded(chain[0], heat, output.force, 1.0, PERIOD)
