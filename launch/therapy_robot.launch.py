@@ -45,7 +45,7 @@ ARGUMENTS = (
     _argument("wall_clock", "false", "The simulated rig runs in real time."),
     _argument("params", "", "Parameter file, in place of the packaged one."),
     _argument("devices", "", "Makes of the devices, by comma (params/devices)."),
-    _argument("patient", "", "Simulated patient who follows: healthy, tremor, weak or flaccid."),
+    _argument("patient", "", "Simulated patient who follows: a name of params/patients.yaml."),
     _argument("namespace", "", "For a second robot."),
     _argument("without", "", "Nodes to leave out, by comma."),
     _argument("network", "false", "Let other machines take part (see docs/security.md)."),

@@ -194,8 +194,10 @@ BUSES = (
 )
 
 
-PATIENTS = ("healthy", "tremor", "weak", "flaccid")
-"""Who may hold the simulated handle: the names of `plant/patient.py`, for those without a plant."""
+PATIENTS = (
+    "healthy", "weak", "tremor", "flaccid", "spastic", "synergy", "slacking", "tiring", "severe",
+)  # fmt: skip
+"""Who may hold the simulated handle: the names of `params/patients.yaml`."""
 
 
 def bus_of(node: str) -> str:

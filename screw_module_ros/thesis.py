@@ -2,11 +2,12 @@
 """Figures of the thesis by key: what `params/thesis.yaml` holds.
 
 Code, parameters and comments name a figure by its key, so that value, unit and section stand once.
-A comment that gives a default its source is one of four words and a colon, after the unit:
+A comment that gives a default its source is one of five words and a colon, after the unit:
 
     thesis: KEY          the figure of this key; `KEY[0]` for the first of a list, `KEY / 2` or
                          `KEY x 2` for a part or a multiple
     ours: REASON         chosen, assumed or derived by this project
+    work: KEY            from a published work; KEY stands in docs/references.md
     public program: KEY  from a program that is public; KEY stands in docs/references.md
     unsourced            nobody knows where the number is from
 

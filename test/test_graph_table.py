@@ -30,7 +30,7 @@ from screw_module_ros.graph import (
 from screw_module_ros.nodes.bringup import placement
 from screw_module_ros.nodes.support.topics import offered, requested
 from screw_module_ros.nodes.support.wire import Layout
-from screw_module_ros.plant import patient
+from screw_module_ros.plant.settings import patients
 from screw_module_ros.recording.counts import TICKED
 from screw_module_ros.rig import build
 
@@ -172,4 +172,4 @@ def test_only_the_two_fastest_topics_need_a_subscription_for_sensor_data():
 
 
 def test_the_patients_that_bringup_offers_are_those_of_the_plant():
-    assert PATIENTS == tuple(patient.PATIENTS)
+    assert PATIENTS == tuple(patients())

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each default says where it is from, and what it takes from the thesis equals its figure there.
 
-`screw_module_ros/thesis.py` explains the comments. Held here: each value of `params/plant.yaml` and
-`params/friction_thesis.yaml`, the physical ones of `params/hardware.yaml` and `params/sim.yaml`,
-every default of the settings in `control/` and `plant/`, and every other number of the package
-whose comment names a key.
+`screw_module_ros/thesis.py` explains the comments. Held here: each value of `params/plant.yaml`,
+`params/patients.yaml` and `params/friction_thesis.yaml`, the physical ones of
+`params/hardware.yaml` and `params/sim.yaml`, every default of the settings in `control/` and
+`plant/`, and every other number of the package whose comment names a key.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from screw_module_ros.settings import SettingError
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "screw_module_ros"
 REFERENCES = ROOT / "docs/references.md"
-WHOLE = ("plant", "friction_thesis")  # params files of which every value has a source
+WHOLE = ("plant", "friction_thesis", "patients")  # params files of which every value has a source
 ROBOTS = ("hardware", "sim")
 NOT_PHYSICAL = {
     "rate", "node_id", "shoulder.node_id", "elbow.node_id", "master_id", "base_id", "can.bitrate",
@@ -45,7 +45,7 @@ MADE_ELSEWHERE = {
 UNIT = re.compile(r"\s*\[([^\]]*)\]")
 SOURCE = re.compile(
     r"\s*(?:thesis: (?P<key>\w+)(?:\[(?P<part>\d+)\])?(?: (?P<sign>[/x]) (?P<times>[\d.]+))?"
-    r"|(?P<ours>ours)|public program: (?P<program>\w+)|(?P<none>unsourced))(?=[;:,.]|$)"
+    r"|(?P<ours>ours)|(?:public program|work): (?P<program>\w+)|(?P<none>unsourced))(?=[;:,.]|$)"
 )
 NAMED = re.compile(r"\bthesis: ([a-z]\w*)")
 FILE = re.compile(
@@ -69,7 +69,7 @@ def flaw(found: Value, must: bool = True) -> str:
     unit = UNIT.match(text)
     source = SOURCE.match(text[unit.end() :] if unit else text)
     if not source:
-        wrong = f"{found.place}: {text.strip()!r} begins with none of the four words"
+        wrong = f"{found.place}: {text.strip()!r} begins with none of the five words"
         return wrong if must or NAMED.search(text) else ""
     if key := source["key"]:
         try:
@@ -323,12 +323,12 @@ def test_a_protocol_names_the_source_of_what_it_took_over(name):
         ("lead: 0.01905  # [mm] thesis: lead", "but lead gives 19.05"),
         ("lead: 0.01905  # [kg] thesis: lead", "cannot be given in kg"),
         ("lead: 0.01905  # [m] thesis: laed", "no key 'laed'; lead is there"),
-        ("lead: 0.01905  # [m] thesis 2.3", "none of the four words"),
-        ("lead: 0.01905  # [m] see thesis: lead", "none of the four words"),
-        ("lead: 0.01905", "none of the four words"),
+        ("lead: 0.01905  # [m] thesis 2.3", "none of the five words"),
+        ("lead: 0.01905  # [m] see thesis: lead", "none of the five words"),
+        ("lead: 0.01905", "none of the five words"),
         ("lead: 0.01905  # [m] ours: it fits", ""),
         ("lead: 0.01905  # [m] unsourced", ""),
-        ("lead: 0.01905  # [m] oursome", "none of the four words"),
+        ("lead: 0.01905  # [m] oursome", "none of the five words"),
         ("lead: 0.01905  # [m] public program: nobodys", "has no nobodys"),
     ],
 )  # fmt: skip
@@ -356,7 +356,7 @@ def test_a_wrong_default_of_a_law_is_told():
     text = (PACKAGE / "control/vertical_settings.py").read_text("utf-8")
     right = "] = 65.0  # thesis: force_up"
     for wrong, said in (("] = 66.0  # thesis: force_up", "but force_up gives 65.0"),
-                        ("] = 65.0", "none of the four words")):  # fmt: skip
+                        ("] = 65.0", "none of the five words")):  # fmt: skip
         assert text.count(right) == 1
         found = python_flaws(text.replace(right, wrong), "vertical_settings.py", settings=True)
         assert len(found) == 1 and said in found[0]

@@ -26,13 +26,15 @@ class Bars(NamedTuple):
 
 
 class Params(NamedTuple):
-    """The arm, and the patient's: stiffness [N/m], damping [Ns/m], mass [kg], limit [N]; dt [s]."""
+    """The arm, and the patient's: stiffness [N/m], damping [Ns/m], mass [kg], limit [N], its share
+    away from the body; dt [s]."""
 
     bars: Bars
     stiffness: float
     damping: float
     mass: float
     limit: float
+    extension: float
     dt: float
 
 
@@ -66,7 +68,7 @@ def rest(bars, x, y):
 
 def params(bars, hand, dt):
     """Numbers of a substep of dt [s] with this arm of the patient."""
-    return Params(bars, hand.stiffness, hand.damping, hand.mass, hand.limit, dt)
+    return Params(bars, hand.stiffness, hand.damping, hand.mass, hand.limit, hand.extension, dt)
 
 
 def step(p, s, u):
@@ -81,8 +83,9 @@ def step(p, s, u):
     if u.attached:
         force_x = p.stiffness * (u.hand_x - at.real) + p.damping * (u.hand_velocity_x - moves.real)
         force_y = p.stiffness * (u.hand_y - at.imag) + p.damping * (u.hand_velocity_y - moves.imag)
-        force_x = min(max(force_x, -p.limit), p.limit)
-        force_y = min(max(force_y, -p.limit), p.limit)
+        limit = p.limit * u.vigour
+        force_x = min(max(force_x, -limit), limit)
+        force_y = min(max(force_y, -limit), limit * p.extension) + u.pull_y
     motor_1 = min(max(u.shoulder_torque, -b.torque_limit), b.torque_limit) * u.shoulder_powered
     motor_2 = min(max(u.elbow_torque, -b.torque_limit), b.torque_limit) * u.elbow_powered
     drag_1 = b.friction * math.tanh(50.0 * w1) + (b.viscous + b.brake * u.shoulder_braked) * w1

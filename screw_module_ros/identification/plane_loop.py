@@ -147,13 +147,13 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         if p.soft:
             inputs = ManusInput(
                 torque_1, torque_2, True, True, False, False, p.attached, palm.x, palm.y, palm.vx,
-                palm.vy,
+                palm.vy, 0.0, 1.0,
             )  # fmt: skip
             palm = palm_step(p, palm, arm, hand_x, hand_y, speed_x, speed_y)
         else:
             inputs = ManusInput(
                 torque_1, torque_2, True, True, False, False, p.attached, hand_x, hand_y, speed_x,
-                speed_y,
+                speed_y, 0.0, 1.0,
             )  # fmt: skip
         arm = planar_step(p.plant, arm, inputs)
         hand_x += speed_x * p.plant.dt

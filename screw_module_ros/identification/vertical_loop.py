@@ -240,7 +240,7 @@ def _period(
             module,
             ModuleInput(
                 bridge, p.powered, p.braked, p.fixture, False, p.upright, hand, hand_velocity,
-                p.stage_speed, p.stage_target, side_force,
+                p.stage_speed, p.stage_target, side_force, 0.0, 1.0,
             ),
         )  # fmt: skip
         hand += hand_velocity * dt

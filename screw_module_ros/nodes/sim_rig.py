@@ -26,7 +26,6 @@ from screw_module_ros.lockstep.clock import SimulatedClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.lockstep.page import Page, alive
 from screw_module_ros.plant import plane_plant
-from screw_module_ros.plant.patient import PATIENTS
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.rig.rig_hub import RigHub
@@ -64,7 +63,7 @@ class SimulationSettings(NamedTuple):
     ] = 1.0
     patient: Annotated[
         str, Setting("who holds the handle: he follows what the robot is asked for; empty: the arm "
-                     "of the plant file", choices=("", *PATIENTS))
+                     "of the plant file", choices=("", *graph.PATIENTS))
     ] = ""
     plane_plant: Annotated[
         str, Setting("planar arm of another package, package.module:NAME or an entry point of "

@@ -79,7 +79,8 @@ class ModuleInput(NamedTuple):
     current: from `bridge_current` [A]; powered: else the motor coasts; braked: unpowered and
     shorted; fixture: HUMAN_ARM, FREE, STAGE or LOCKED_ROTOR; locked: the pin holds the screw;
     upright: +1, upside down -1; hand, hand_velocity: virtual hand [m], [m/s]; stage_speed [m/s]
-    and stage_target [m]; side_force: planar force at the handle [N].
+    and stage_target [m]; side_force: planar force at the handle [N]; load: what hangs on the handle
+    beyond the arm's weight [N]; vigour: share of the arm's strength.
     """
 
     current: float
@@ -93,6 +94,8 @@ class ModuleInput(NamedTuple):
     stage_speed: float
     stage_target: float
     side_force: float
+    load: float
+    vigour: float
 
 
 class ModuleState(NamedTuple):

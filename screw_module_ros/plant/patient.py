@@ -2,23 +2,18 @@
 """The simulated patient: an arm whose virtual hand follows a path, and its changes at run time.
 
 The arm is the thesis's (6.4.3): mass, spring and damper between the handle and a virtual hand that
-moves on a minimum-jerk path (flashhogan1985) to a target and there follows a sine. Kinds:
-
-- active: the arm as set;
-- relaxed: a tenth of the stiffness, no sine: it is moved, it does not move;
-- tremor: active, with a 5 Hz sine of 8 mm on each axis of the virtual hand;
-- weak: active, but spring and damper together cannot exceed 8 N.
+moves on a minimum-jerk path (flashhogan1985) to a target and there follows a sine. What else a
+patient is, are traits: fields of `HumanArm` that SetArm sets by name (`TRAITS`). Those that change
+from substep to substep, tone, synergy and fatigue, are in `muscles.py`. A patient is a name for
+all of an arm (`params/patients.yaml`), a kind one for some of its traits (`KINDS`).
 
 The arm's mass moves with the handle. Of its `weight`, which is what it weighs at the hand, the
-patient's own muscles carry the share `carried`; the rest hangs on the handle, whatever the kind:
+patient's own muscles carry the share `carried`; the rest hangs on the handle:
 
     hanging = weight (1 - carried)
 
 carried = 0 is a flaccid arm, of which the handle bears all; with carried = 1 the patient holds his
 arm up himself, and nothing hangs on the handle.
-
-A trait is a field of `HumanArm` that SetArm sets by its name (`TRAITS`); a patient is a name for
-all of an arm (`PATIENTS`).
 """
 
 from __future__ import annotations
@@ -29,21 +24,16 @@ from typing import Annotated, Any, NamedTuple
 
 from ..settings import Field, Setting, fields, problem, shown
 
-ACTIVE, RELAXED, TREMOR, WEAK = "active", "relaxed", "tremor", "weak"
-KINDS = (ACTIVE, RELAXED, TREMOR, WEAK)
-RELAXED_SHARE = 0.1  # share of the stiffness
-TREMOR_AMPLITUDE = 0.008  # amplitude of the virtual hand [m]
-TREMOR_OMEGA = 2.0 * math.pi * 5.0  # angular frequency in the 4-6 Hz of rest tremor [rad/s]
-WEAK_FORCE = 8.0  # the most a weak arm pushes or pulls [N]
+STRONGEST = 2000.0  # [N] more than spring and damper of an arm pull: it has no limit
 
 Triple = tuple[float, float, float]
 _KEEP = (math.nan, math.nan, math.nan)
+_STEP_S = 1e-3  # duration of a step that has not begun yet
 
 
 class HumanArm(NamedTuple):
     """The patient's arm at the start of the rig."""
 
-    kind: Annotated[str, Setting("what the arm does", choices=KINDS)]
     mass: Annotated[float, Setting("moved with the handle", "kg", 0.0, 60.0)]
     stiffness: Annotated[float, Setting("towards the virtual hand", "N/m", 0.0, 5000.0)]
     damping: Annotated[float, Setting("towards the virtual hand", "N s/m", 0.0, 500.0)]
@@ -61,33 +51,66 @@ class HumanArm(NamedTuple):
     reach_time: Annotated[
         float, Setting("of a reach where he follows", "s", 0.1, 10.0)
     ]
+    tension: Annotated[float, Setting("share of stiffness that acts", "", 0.0, 1.0)] = 1.0  # ours
+    strength: Annotated[
+        float, Setting("the most that spring and damper push or pull", "N", 0.0, STRONGEST)
+    ] = STRONGEST  # ours
+    extension: Annotated[
+        float, Setting("share of the strength away from the body and up", "", 0.0, 1.0)
+    ] = 1.0  # ours
+    tone: Annotated[
+        float, Setting("pull of stretched flexors, away from the body and faster than tone_speed",
+                       "N s/m", 0.0, 300.0)
+    ] = 0.0  # ours
+    tone_speed: Annotated[float, Setting("where tone begins", "m/s", 0.0, 2.0)] = 0.1  # ours
+    tone_delay: Annotated[float, Setting("of tone, first order", "s", 0.001, 1.0)] = 0.05  # ours
+    synergy: Annotated[
+        float, Setting("pull towards the body for each newton that he lifts himself, far out", "",
+                       0.0, 3.0)
+    ] = 0.0  # ours
+    relies: Annotated[
+        float, Setting("share of what the handle bears of his arm that he lifts less", "", 0.0, 1.0)
+    ] = 0.0  # ours
+    fatigue: Annotated[float, Setting("of active muscle", "1/s", 0.0, 1.0)] = 0.0  # ours
+    recovery: Annotated[float, Setting("of tired muscle at work", "1/s", 0.0, 1.0)] = 0.0  # ours
+    slack: Annotated[
+        float, Setting("share of his effort that he forgets with each movement", "", 0.0, 1.0)
+    ] = 0.0  # ours
+    regret: Annotated[
+        float, Setting("effort that he adds for each metre by which a movement missed", "1/m",
+                       0.0, 100.0)
+    ] = 0.0  # ours
+    reaction: Annotated[
+        float, Setting("until a hand at rest sets out for a new target", "s", 0.0, 10.0)
+    ] = 0.0  # ours
+    tremor: Annotated[
+        float, Setting("amplitude of the virtual hand, on each axis", "m", 0.0, 0.05)
+    ] = 0.0  # ours
+    tremor_rate: Annotated[float, Setting("of the tremor", "Hz", 0.5, 20.0)] = 5.0  # ours
 
 
 TRAITS: dict[str, Field] = {
-    name: fields(HumanArm)[name] for name in ("weight", "carried", "follows", "reach_time")
+    name: field for name, field in fields(HumanArm).items()
+    if name not in ("mass", "stiffness", "damping")
 }
-"""What SetArm sets by name: a new trait is a field of `HumanArm` and its name here."""
+"""What SetArm sets by name: a new trait is a field of `HumanArm`."""
 
-# A hand of 3 kg moves some 9 kg with the arm. 500 N/m and 20 Ns/m, damped by 0.15, pass a target
-# 0.14 m away by 30 mm in 0.9 s; a practised hand, damped by 0.5, by a few millimetres in 1.1 s.
-# A weak arm of 500 N/m held the hand where it stopped: with 8 N against a wall that takes all of a
-# trial's time to become that stiff, and the assistance brought it to no target. On the handle hangs
-# only a flaccid arm, all of it, as heavy as thesis 2.1.1 found one; there a tenth of 300 N/m acts
-# (ours).
-PATIENTS = {
-    "healthy": HumanArm(ACTIVE, 3.0, 800.0, 80.0, 20.0, 1.0, follows=1.0, reach_time=1.1),
-    "tremor": HumanArm(TREMOR, 3.0, 500.0, 20.0, 20.0, 1.0, follows=1.0, reach_time=1.2),
-    "weak": HumanArm(WEAK, 3.0, 200.0, 20.0, 20.0, 1.0, follows=0.8, reach_time=2.6),
-    "flaccid": HumanArm(RELAXED, 3.0, 300.0, 10.0, 20.0, 0.0, follows=0.0, reach_time=1.1),
+ACTIVE, RELAXED, TREMOR, WEAK = "active", "relaxed", "tremor", "weak"
+_ABLE = {"tension": 1.0, "strength": STRONGEST, "tremor": 0.0}
+KINDS = {
+    ACTIVE: _ABLE,
+    RELAXED: {**_ABLE, "tension": 0.1},
+    TREMOR: {**_ABLE, "tremor": 0.008},
+    WEAK: {**_ABLE, "strength": 8.0},
 }
-"""Whole arms by name."""
+"""Traits by the names of SetArm's `kind`; a relaxed hand also ends its sine."""
 
 
 class ArmForce(NamedTuple):
     """The arm in the equations of motion, the same on every axis.
 
     mass [kg], stiffness [N/m], damping [N s/m], limit: of spring and damper together [N],
-    weight: of what hangs on the handle [N].
+    weight: of what hangs on the handle [N], extension: share of the limit away and up.
     """
 
     mass: float
@@ -95,6 +118,7 @@ class ArmForce(NamedTuple):
     damping: float
     limit: float
     weight: float
+    extension: float = 1.0  # ours
 
 
 class HandPath(NamedTuple):
@@ -102,7 +126,7 @@ class HandPath(NamedTuple):
 
     start, target [m]; begin: time it starts [s]; duration: of the minimum-jerk part [s];
     amplitude [m] and omega [rad/s]: of the sine about the target, from then on;
-    tremor: amplitude of the tremor [m].
+    tremor: amplitude of the tremor [m], tremor_omega [rad/s].
     """
 
     start: float
@@ -112,6 +136,7 @@ class HandPath(NamedTuple):
     amplitude: float
     omega: float
     tremor: float
+    tremor_omega: float = 2.0 * math.pi * 5.0  # ours
 
 
 RIGID = ArmForce(0.0, 0.0, 0.0, math.inf, 0.0)
@@ -131,18 +156,18 @@ def held_up(mass: float, stiffness: float, damping: float) -> ArmForce:
 
     mass [kg], stiffness [N/m] and damping [Ns/m]: towards the virtual hand.
     """
-    return ArmForce(mass, stiffness, damping, math.inf, 0.0)
+    return ArmForce(mass, stiffness, damping, STRONGEST, 0.0)
 
 
-def arm_force(arm: HumanArm) -> ArmForce:
-    """Return the arm for the equations of motion."""
-    relaxed = RELAXED_SHARE if arm.kind == RELAXED else 1.0
+def arm_force(arm: HumanArm, effort: float = 1.0) -> ArmForce:
+    """Return the arm for the equations of motion; effort: share of its stiffness that he makes."""
     return ArmForce(
         mass=arm.mass,
-        stiffness=arm.stiffness * relaxed,
+        stiffness=arm.stiffness * arm.tension * effort,
         damping=arm.damping,
-        limit=WEAK_FORCE if arm.kind == WEAK else math.inf,
+        limit=arm.strength,
         weight=arm.weight * (1.0 - arm.carried),
+        extension=arm.extension,
     )
 
 
@@ -167,35 +192,42 @@ def hand_point(path: HandPath, time: float) -> tuple[float, float]:
         position += path.amplitude * math.sin(path.omega * since)
         velocity += path.amplitude * path.omega * math.cos(path.omega * since)
     if path.tremor != 0.0:
-        position += path.tremor * math.sin(TREMOR_OMEGA * time)
-        velocity += path.tremor * TREMOR_OMEGA * math.cos(TREMOR_OMEGA * time)
+        position += path.tremor * math.sin(path.tremor_omega * time)
+        velocity += path.tremor * path.tremor_omega * math.cos(path.tremor_omega * time)
     return position, velocity
 
 
 def spring_terms(
-    arm: ArmForce, hand: float, hand_velocity: float, position: float, velocity: float
+    arm: ArmForce,
+    hand: float,
+    hand_velocity: float,
+    position: float,
+    velocity: float,
+    vigour: float = 1.0,
+    extension: float = 1.0,
 ) -> tuple[float, float, float]:
     """Return (stiffness, damping, constant force) that act over one substep on one axis.
 
-    A weak arm at its limit is a constant force. hand, position [m]; velocities [m/s].
+    An arm at its limit is a constant force. hand, position [m]; velocities [m/s]; vigour: share of
+    the strength that is not tired; extension: share of it in the positive direction.
     """
     force = arm.stiffness * (hand - position) + arm.damping * (hand_velocity - velocity)
-    if force > arm.limit:
-        return 0.0, 0.0, arm.limit
-    if force < -arm.limit:
-        return 0.0, 0.0, -arm.limit
+    limit = arm.limit * vigour
+    if force > limit * extension:
+        return 0.0, 0.0, limit * extension
+    if force < -limit:
+        return 0.0, 0.0, -limit
     return arm.stiffness, arm.damping, 0.0
 
 
 class ArmSettings(NamedTuple):
     """A change of the patient's arm, as in SetArm.srv; NaN and '' keep the present value.
 
-    kind: active, relaxed, tremor or weak; mass [kg], stiffness [N/m], damping [N s/m];
+    kind: a name of `KINDS`; mass [kg], stiffness [N/m], damping [N s/m];
     target: of the virtual hand, x, y from the centre, z from the bottom [m]; duration: of the
     minimum-jerk way there, 0 = at once [s]; amplitude [m], omega [rad/s]: of the sine about the
     target from then on; traits, values: names of `TRAITS` and what each becomes, as many of either.
-    patient: a name of `PATIENTS`, whose arm it becomes, with these traits; the virtual hand goes on
-    its way, and the other fields do not count.
+    patient: a name of `settings.patients`, whose arm it becomes (`another_patient`).
     """
 
     kind: str = ""
@@ -212,10 +244,11 @@ class ArmSettings(NamedTuple):
 
 
 class Patient(NamedTuple):
-    """The arm and the paths of its virtual hand on x, y, z."""
+    """The arm, the paths of its virtual hand on x, y, z, and the effort he makes, 1 at first."""
 
     arm: HumanArm
     paths: tuple[HandPath, HandPath, HandPath]
+    effort: float = 1.0  # ours
 
 
 def resting_patient(arm: HumanArm, x: float, y: float, z: float) -> Patient:
@@ -225,23 +258,24 @@ def resting_patient(arm: HumanArm, x: float, y: float, z: float) -> Patient:
 
 def moved_patient(patient: Patient, z: float) -> Patient:
     """Return the patient with the virtual hand resting at another height [m]."""
-    return _with_tremor(patient.arm, [*patient.paths[:2], resting(z)])
+    return _with_tremor(patient.arm, [*patient.paths[:2], resting(z)], patient.effort)
 
 
-def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patient:
+def changed_patient(
+    patient: Patient, change: ArmSettings, now: float, hand: Sequence[float] = ()
+) -> Patient:
     """Return the patient after a change requested at time `now` [s].
 
-    Raises ValueError naming the invalid field, trait or patient; then nothing has changed.
+    hand: where his hand is [m], by which he judges the movement that a new target ends; empty: he
+    does not. Raises ValueError naming the invalid field or trait; then nothing has changed.
     """
-    if change.patient:
-        if change.patient not in PATIENTS:
-            known = ", ".join(PATIENTS)
-            raise ValueError(f"patient = {shown(change.patient)}: one of {known} is wanted")
-        arm = with_traits(PATIENTS[change.patient], change.traits, change.values)
-        return _with_tremor(arm, list(patient.paths))
-    arm = with_traits(patient.arm, change.traits, change.values)
+    arm = patient.arm
     if change.kind:
-        arm = _replaced(arm, "kind", change.kind)
+        if change.kind not in KINDS:
+            known = ", ".join(map(repr, KINDS))
+            raise ValueError(f"kind = {shown(change.kind)}: one of {known} is wanted")
+        arm = arm._replace(**KINDS[change.kind])
+    arm = with_traits(arm, change.traits, change.values)
     for name in ("mass", "stiffness", "damping"):
         value = float(getattr(change, name))
         if not math.isnan(value):
@@ -251,8 +285,33 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
     for name in ("target", "amplitude", "omega"):
         if any(math.isinf(value) for value in getattr(change, name)):
             raise ValueError(f"{name} = {getattr(change, name)!r}: finite numbers or NaN, please")
-    return _with_tremor(arm, [_path(old, arm, change, axis, now)
-                              for axis, old in enumerate(patient.paths)])  # fmt: skip
+    paths = [_path(old, arm, change, axis, now) for axis, old in enumerate(patient.paths)]
+    return _with_tremor(arm, paths, _effort(patient, paths, hand, now))
+
+
+def another_patient(patient: Patient, arm: HumanArm, change: ArmSettings) -> Patient:
+    """Return who has this arm, with the traits of a change, and makes all his effort.
+
+    The virtual hand goes on its way, and the other fields of the change do not count. Raises
+    ValueError as `with_traits`.
+    """
+    arm = with_traits(arm, change.traits, change.values)
+    return _with_tremor(arm, list(patient.paths))
+
+
+def _effort(
+    patient: Patient, paths: Sequence[HandPath], hand: Sequence[float], now: float
+) -> float:
+    """Return his effort for the next movement (the form of emken2007 and wolbrecht2008).
+
+    Where the hand is on its way, or goes nowhere else, no movement has ended.
+    """
+    arm, old = patient.arm, [path.target for path in patient.paths]
+    under_way = any(now < path.begin + path.duration for path in patient.paths)
+    if not hand or under_way or old == [path.target for path in paths]:
+        return patient.effort
+    kept = (1.0 - arm.slack) * patient.effort
+    return min(max(kept + arm.regret * math.dist(hand, old), 0.0), 1.0)
 
 
 def with_traits(arm: HumanArm, traits: Sequence[str], values: Sequence[float]) -> HumanArm:
@@ -295,14 +354,19 @@ def _path(old: HandPath, arm: HumanArm, change: ArmSettings, axis: int, now: flo
     With NaN as target, amplitude and omega of an axis its path continues unchanged, sine included.
     """
     asked = (change.target[axis], change.amplitude[axis], change.omega[axis])
-    if all(map(math.isnan, asked)) and arm.kind != RELAXED:
+    if all(map(math.isnan, asked)) and change.kind != RELAXED:
         return old
+    begin = now
+    if now < old.begin:  # he has seen a target and not set out yet: he sets out for this one
+        begin = old.begin
+    elif now >= old.begin + old.duration:
+        begin = now + arm.reaction
     return HandPath(
         start=hand_point(old._replace(tremor=0.0), now)[0],
         target=_kept(change.target[axis], old.target),
-        begin=now,
-        duration=float(change.duration),
-        amplitude=0.0 if arm.kind == RELAXED else _kept(change.amplitude[axis], old.amplitude),
+        begin=begin,
+        duration=max(float(change.duration), _STEP_S if begin > now else 0.0),
+        amplitude=0.0 if change.kind == RELAXED else _kept(change.amplitude[axis], old.amplitude),
         omega=_kept(change.omega[axis], old.omega),
         tremor=0.0,
     )
@@ -312,7 +376,7 @@ def _kept(value: float, old: float) -> float:
     return old if math.isnan(value) else float(value)
 
 
-def _with_tremor(arm: HumanArm, paths: list[HandPath]) -> Patient:
-    tremor = TREMOR_AMPLITUDE if arm.kind == TREMOR else 0.0
-    x, y, z = (path._replace(tremor=tremor) for path in paths)
-    return Patient(arm, (x, y, z))
+def _with_tremor(arm: HumanArm, paths: list[HandPath], effort: float = 1.0) -> Patient:
+    omega = 2.0 * math.pi * arm.tremor_rate
+    x, y, z = (path._replace(tremor=arm.tremor, tremor_omega=omega) for path in paths)
+    return Patient(arm, (x, y, z), effort)

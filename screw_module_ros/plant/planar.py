@@ -103,7 +103,8 @@ class PlanarParams(NamedTuple):
 class ManusInput(NamedTuple):
     """Inputs of a substep: torque commands [Nm], power and brakes, the hand.
 
-    attached: a hand holds the handle; hand_*: virtual hand from the workspace centre [m], [m/s].
+    attached: a hand holds the handle; hand_*: virtual hand from the workspace centre [m], [m/s];
+    pull_y: force of the hand beside its spring and damper [N]; vigour: share of its strength.
     """
 
     shoulder_torque: float
@@ -117,6 +118,8 @@ class ManusInput(NamedTuple):
     hand_y: float
     hand_velocity_x: float
     hand_velocity_y: float
+    pull_y: float
+    vigour: float
 
 
 class ManusState(NamedTuple):
@@ -336,16 +339,16 @@ def _hand_terms(
     x = p.robot.base_x + reach_x + s.bend_x
     y = p.robot.base_y + reach_y + s.bend_y
     stiffness_x, viscous_x, steady_x = spring_terms(
-        p.arm, u.hand_x, u.hand_velocity_x, x, s.handle_vx
+        p.arm, u.hand_x, u.hand_velocity_x, x, s.handle_vx, u.vigour, 1.0
     )
     stiffness_y, viscous_y, steady_y = spring_terms(
-        p.arm, u.hand_y, u.hand_velocity_y, y, s.handle_vy
+        p.arm, u.hand_y, u.hand_velocity_y, y, s.handle_vy, u.vigour, p.arm.extension
     )
     return _Hand(
         stiffness_x * p.dt + viscous_x,
         stiffness_y * p.dt + viscous_y,
         steady_x + stiffness_x * (u.hand_x - x) + viscous_x * u.hand_velocity_x,
-        steady_y + stiffness_y * (u.hand_y - y) + viscous_y * u.hand_velocity_y,
+        steady_y + u.pull_y + stiffness_y * (u.hand_y - y) + viscous_y * u.hand_velocity_y,
         p.arm.mass,
     )
 

@@ -34,10 +34,11 @@ class PlanePlant:
 
     rest(own, x, y): at rest with the handle there [m]; params(own, hand, dt): a NamedTuple of
     numbers, for substeps of dt [s] with that arm of the patient; step(params, state, input): a
-    substep further; place(own, state): x, y of the handle [m]; torques(own, state, shoulder_braked,
-    elbow_braked): on both joints, brakes included [Nm]. Angles are those that the drives measure;
-    where a plant has no bristles and does not bend, these numbers of the state stay 0. `step` is
-    compiled: functions at the top of modules, numbers, `math`.
+    substep further, with `pull_y` and `vigour` of the patient; place(own, state): x, y of the
+    handle [m]; torques(own, state, shoulder_braked, elbow_braked): on both joints, braked [Nm].
+    Angles are those that the drives measure; where a plant has no bristles and does not bend, these
+    numbers of the state stay 0. `step` is compiled: functions at the top of modules, numbers,
+    `math`.
 
     name: as shown; settings: a NamedTuple with defaults.
     """

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 import random
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from ..resources import resource_path
-from ..settings import Setting
-from ..settings_file import read_file
+from ..settings import Setting, read, shown
+from ..settings_file import load, read_file
 from .amplifier import Amplifier, amplifier_step_settings
 from .friction import Friction, FrictionMap
 from .instruments import Transducer
@@ -20,6 +21,7 @@ from .planar import Planar, resting_plane
 from .sensor import Sensor
 
 DEFAULT_FILE = "params/plant.yaml"
+PATIENTS_FILE = "params/patients.yaml"
 _SUPPORT = (5e6, 4e7)
 """Range of the axial support's stiffness that is drawn [N/m]. Ours: assumed, not in the thesis."""
 _STRUCTURE_STIFFNESS = 5e4, 1e6  # [N/m] ours: no real plane's was found
@@ -98,6 +100,21 @@ def load_world(path: str | Path | None = None, perturb_seed: int | None = None) 
     file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
     settings = read_file(file, WorldSettings)
     return settings if perturb_seed is None else perturbed(settings, perturb_seed)
+
+
+@cache
+def patients() -> dict[str, HumanArm]:
+    """Return the arms of the simulated patients by name."""
+    content = load(resource_path(PATIENTS_FILE))
+    return {name: read(HumanArm, arm, name) for name, arm in content.items()}
+
+
+def arm_of(patient: str) -> HumanArm:
+    """Return the arm of a patient. Raises ValueError with the known ones where he is not."""
+    if patient not in patients():
+        known = ", ".join(patients())
+        raise ValueError(f"patient = {shown(patient)}: one of {known} is wanted")
+    return patients()[patient]
 
 
 def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:

@@ -7,26 +7,30 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from .module import ModuleInput, ModuleState, VerticalParams
-from .patient import HandPath, hand_point
+from .module import HUMAN_ARM, ModuleInput, ModuleState, VerticalParams
+from .muscles import Muscles, muscles_step, pull
+from .patient import HandPath, HumanArm, hand_point
 from .planar import ManusInput, ManusState
 from .vertical import vertical_step
 
-HAND_EVERY = 20  # substeps between exact points of the hand's path, straight lines between
+HAND_EVERY = 20  # substeps of the muscles, and between exact points of the hand's path
 
 
 class SimulationParams(NamedTuple):
-    """Both mechanisms, the plane's of its plant, and the paths of the virtual hand."""
+    """Both mechanisms, the plane's of its plant, the paths of the virtual hand, the patient."""
 
     vertical: VerticalParams
     planar: Any
     path_x: HandPath
     path_y: HandPath
     path_z: HandPath
+    arm: HumanArm
+    effort: float
 
 
 class SimulationState(NamedTuple):
-    """ticks: substeps since the start; the mechanisms; the virtual hand [m] and its velocity."""
+    """ticks: substeps since the start; the mechanisms; the virtual hand [m] and its velocity; the
+    patient's muscles."""
 
     ticks: int
     vertical: ModuleState
@@ -37,12 +41,14 @@ class SimulationState(NamedTuple):
     vx: float
     vy: float
     vz: float
+    muscles: Muscles
 
 
 # Where its parts begin in `numbers_of` a state.
 _VERTICAL = 1
 _PLANAR = _VERTICAL + len(ModuleState._fields)
 _HAND = _PLANAR + len(ManusState._fields)
+_MUSCLES = _HAND + 6
 
 
 @cache
@@ -74,22 +80,31 @@ def advancing(planar_step: Callable) -> Callable:
             n[37], n[38],
         )  # fmt: skip
         x, y, z, vx, vy, vz = n[39], n[40], n[41], n[42], n[43], n[44]
+        muscles = Muscles(n[45], n[46], n[47], n[48])
         dt = p.vertical.dt
         u, w = vertical_input, planar_input
+        pulls = pull(p.arm, p.effort, muscles, y)
         for _ in range(steps):
             if ticks % HAND_EVERY == 0:
                 time = ticks * dt
                 x, vx = hand_point(p.path_x, time)
                 y, vy = hand_point(p.path_y, time)
                 z, vz = hand_point(p.path_z, time)
+                held = 1.0 if w.attached and u.fixture == HUMAN_ARM else 0.0
+                muscles = muscles_step(
+                    p.arm, p.effort, muscles, held * planar.force_x, held * planar.force_y,
+                    held * vertical.patient_force, held * planar.handle_vy, HAND_EVERY * dt,
+                )  # fmt: skip
+                pulls = pull(p.arm, p.effort, muscles, y)
             side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
             on_module = ModuleInput(
                 u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
-                z, vz, u.stage_speed, u.stage_target, side,
+                z, vz, u.stage_speed, u.stage_target, side, pulls.load, pulls.vigour,
             )  # fmt: skip
             on_plane = ManusInput(
                 w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
                 w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
+                pulls.away, pulls.vigour,
             )  # fmt: skip
             vertical = vertical_step(p.vertical, vertical, on_module)
             planar = planar_step(p.planar, planar, on_plane)
@@ -103,13 +118,14 @@ def advancing(planar_step: Callable) -> Callable:
         for i in range(_HAND - _PLANAR):
             n[_PLANAR + i] = planar[i]
         n[39], n[40], n[41], n[42], n[43], n[44] = x, y, z, vx, vy, vz
+        n[45], n[46], n[47], n[48] = muscles
 
     return advance
 
 
 def numbers_of(s: SimulationState) -> list[float]:
     """Return the numbers of a state in the order of its fields."""
-    return [float(s.ticks), *s.vertical, *s.planar, *s[3:]]
+    return [float(s.ticks), *s.vertical, *s.planar, *s[3:-1], *s.muscles]
 
 
 def state_of(numbers: list[float]) -> SimulationState:
@@ -117,4 +133,6 @@ def state_of(numbers: list[float]) -> SimulationState:
     new = tuple.__new__  # each millisecond: without the calls of their constructors
     vertical = new(ModuleState, numbers[_VERTICAL:_PLANAR])
     planar = new(ManusState, numbers[_PLANAR:_HAND])
-    return SimulationState(int(numbers[0]), vertical, planar, *numbers[_HAND:])
+    x, y, z, vx, vy, vz = numbers[_HAND:_MUSCLES]
+    muscles = new(Muscles, numbers[_MUSCLES:])
+    return SimulationState(int(numbers[0]), vertical, planar, x, y, z, vx, vy, vz, muscles)

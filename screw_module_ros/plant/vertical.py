@@ -80,9 +80,10 @@ def _arm(
     if p.grip.stiffness == 0.0 or u.fixture != HUMAN_ARM:
         return handle, handle_velocity
     stiffness, viscous, steady = spring_terms(
-        p.arm, u.hand, u.hand_velocity, s.arm, s.arm_velocity
+        p.arm, u.hand, u.hand_velocity, s.arm, s.arm_velocity, u.vigour, p.arm.extension
     )
-    steady += stiffness * (u.hand - s.arm) + viscous * u.hand_velocity - u.upright * p.arm.weight
+    hanging = p.arm.weight + u.load
+    steady += stiffness * (u.hand - s.arm) + viscous * u.hand_velocity - u.upright * hanging
     grip = p.grip.stiffness * (handle - s.arm) + p.grip.damping * handle_velocity
     push = p.arm.mass / p.dt * s.arm_velocity + steady + grip
     firm = viscous + p.grip.damping + (stiffness + p.grip.stiffness) * p.dt
@@ -142,14 +143,15 @@ def _move(
     weight = m.moving_mass * m.gravity
     mass = m.moving_mass
     stiffness, viscous, steady = 0.0, 0.0, 0.0
-    held, hand, hand_velocity = p.arm, u.hand, u.hand_velocity
+    held, hand, hand_velocity, hanging = p.arm, u.hand, u.hand_velocity, p.arm.weight + u.load
     if p.grip.stiffness > 0.0:  # the arm is the hand then; ahead, or its spring would damp both
         held, hand, hand_velocity = p.grip, s.arm + dt * s.arm_velocity, s.arm_velocity
+        hanging = held.weight
     if u.fixture == HUMAN_ARM:
         mass += held.mass
-        weight += held.weight
+        weight += hanging
         stiffness, viscous, steady = spring_terms(
-            held, hand, hand_velocity, s.handle, s.handle_velocity
+            held, hand, hand_velocity, s.handle, s.handle_velocity, u.vigour, held.extension
         )
         steady += stiffness * (hand - s.handle) + viscous * hand_velocity
     stop, stopped = _stop_terms(m, s.handle, s.handle_velocity, dt)
@@ -178,7 +180,7 @@ def _move(
         patient = mass * acceleration + contact - own + stop_gain * handle_velocity
     elif u.fixture == HUMAN_ARM:
         patient = steady - (stiffness * dt + viscous) * handle_velocity
-        patient -= held.mass * acceleration + u.upright * held.weight
+        patient -= held.mass * acceleration + u.upright * hanging
     else:
         patient = 0.0
     rail = settled_bristle(

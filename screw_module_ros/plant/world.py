@@ -20,13 +20,14 @@ from .module import (
     HUMAN_ARM,
     LOCKED_ROTOR,
     ModuleInput,
-    ModuleState,
     resting_state,
     vertical_params,
 )
+from .muscles import RESTED
 from .patient import (
     ArmSettings,
     HumanArm,
+    another_patient,
     arm_force,
     changed_patient,
     moved_patient,
@@ -43,7 +44,7 @@ from .sensor import (
     sensor_params,
     true_wrench,
 )
-from .settings import WorldSettings, load_world
+from .settings import WorldSettings, arm_of, load_world
 from .simulation import (
     SimulationParams,
     SimulationState,
@@ -125,7 +126,7 @@ class World:
             0,
             resting_state(settings.vertical, start.position, upright),
             plane.rest(self._plane, start.x, start.y),
-            start.x, start.y, start.position, 0.0, 0.0, 0.0,
+            start.x, start.y, start.position, 0.0, 0.0, 0.0, RESTED,
         )  # fmt: skip
         numbers = numbers_of(self._state)  # of the same state, for `_advance`
         self._numbers: Any = np.array(numbers) if compile else numbers
@@ -136,13 +137,16 @@ class World:
     def _built(self) -> Any:
         """Return the parameters of the simulation in the form `_advance` takes."""
         s = self.settings
-        arm = arm_force(self._patient.arm)
+        patient = self._patient
+        arm = arm_force(patient.arm, patient.effort)
         return self._prepared(
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
                                 s.sensor.bandwidth, s.sensor.hysteresis),
                 self.plane.params(self._plane, arm, s.substep),
-                *self._patient.paths,
+                *patient.paths,
+                patient.arm,
+                patient.effort,
             )
         )
 
@@ -173,7 +177,7 @@ class World:
             bridge_current(self.settings.amplifier, command),
             powered,
             bool(self.vertical_braked) and not powered,
-            f.acting, f.locked, f.upright, 0.0, 0.0, f.pace, f.target, 0.0,
+            f.acting, f.locked, f.upright, 0.0, 0.0, f.pace, f.target, 0.0, 0.0, 1.0,
         )  # fmt: skip
 
     def _planar_input(self) -> ManusInput:
@@ -184,7 +188,7 @@ class World:
         brake_1, brake_2 = map(bool, self.planar_braked)
         return ManusInput(
             shoulder, elbow, on_1, on_2, brake_1 and not on_1, brake_2 and not on_2,
-            self._fixture.kind == HUMAN_ARM, 0.0, 0.0, 0.0, 0.0,
+            self._fixture.kind == HUMAN_ARM, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
         )  # fmt: skip
 
     @property
@@ -272,11 +276,17 @@ class World:
         return self._patient.arm
 
     def set_arm(self, arm: ArmSettings) -> None:
-        """Change the patient's arm and send the virtual hand on its way.
+        """Change the patient's arm and send the virtual hand on its way; a new patient is rested.
 
         Raises ValueError naming the invalid field.
         """
-        self._patient = changed_patient(self._patient, arm, self.simulated_time)
+        state = self._state
+        if arm.patient:
+            self._patient = another_patient(self._patient, arm_of(arm.patient), arm)
+            self._put(state._replace(muscles=RESTED))
+        else:
+            hand = *self.plane.place(self._plane, state.planar), state.vertical.handle
+            self._patient = changed_patient(self._patient, arm, self.simulated_time, hand)
         self._params = self._built()
 
     def set_fixture(
@@ -302,12 +312,12 @@ class World:
             self._params = self._built()
         if self._fixture.kind != LOCKED_ROTOR and v.rotor_angle != 0.0:  # loose, it untwists
             loose = v._replace(rotor_angle=0.0, rotor_velocity=0.0)
-            self._put(loose)
+            self._put(self._state._replace(vertical=loose))
 
-    def _put(self, vertical: ModuleState) -> None:
-        """Replace the state of the module."""
-        self._state = self._state._replace(vertical=vertical)
-        self._numbers[:] = numbers_of(self._state)
+    def _put(self, state: SimulationState) -> None:
+        """Replace the state."""
+        self._state = state
+        self._numbers[:] = numbers_of(state)
 
     def place(self, position: float) -> None:
         """Put nut and handle at a height [m] at rest, at once: for studies in process.
@@ -318,5 +328,5 @@ class World:
         if not 0.0 <= position <= module.travel:
             raise ValueError(f"position = {position!r} m: 0 to {module.travel:g} m is wanted")
         vertical = resting_state(module, float(position), self._fixture.upright)
-        self._put(vertical)
+        self._put(self._state._replace(vertical=vertical))
         self._fixture = running(self._fixture, module.travel, vertical.handle)

@@ -18,10 +18,10 @@ from screw_module_msgs.srv import SetArm
 
 from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
-from ..graph import WHOLE
+from ..graph import PATIENTS, WHOLE
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
-from ..plant.patient import PATIENTS, trait_flaw
+from ..plant.patient import trait_flaw
 from ..terminal import Console
 from .patient import STILL, Hand
 from .runner import GraphRun, command, recordings_in, running
@@ -55,7 +55,7 @@ class _Trait(click.ParamType):
 
 @command("therapy")
 @click.option(
-    "--patient", type=click.Choice(sorted(PATIENTS)), default=HEALTHY, help="Simulated patient."
+    "--patient", type=click.Choice(PATIENTS), default=HEALTHY, help="Simulated patient."
 )
 @click.option(
     "--trait", "traits", type=_Trait(), multiple=True, metavar="NAME=VALUE",

@@ -25,8 +25,9 @@ from rclpy.signals import SignalHandlerOptions
 from runner import sentence
 from screw_module_msgs.srv import SetArm
 
+from screw_module_ros import graph
 from screw_module_ros.nodes.support.node import Node
-from screw_module_ros.plant.patient import PATIENTS, TRAITS
+from screw_module_ros.plant.patient import TRAITS
 from screw_module_ros.trials.runner import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
@@ -101,7 +102,7 @@ class NodeRequests:
                     parameter.name = rng.choice(known)
         if kind is SetArm and rng.random() < 0.9:
             request.traits = [rng.choice((*TRAITS, "x")) for _ in request.values]
-            request.patient = rng.choice(("", "", *PATIENTS, "x"))
+            request.patient = rng.choice(("", "", *graph.PATIENTS, "x"))
         return request
 
     def _note(self, name: str, answer: Any) -> None:

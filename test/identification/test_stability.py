@@ -153,7 +153,8 @@ def simulated(m, e, sampling, law):
         for age, count in ((waits + 1, part), (waits, steps - part)):
             amperes = current + history[age] / p.turn_rate / p.torque_constant
             s = run(p, s, ModuleInput(
-                amperes, True, False, HUMAN_ARM, False, 1.0, hand, 0.0, 0.0, 0.0, 0.0
+                amperes, True, False, HUMAN_ARM, False, 1.0, hand, 0.0, 0.0, 0.0, 0.0,
+                0.0, 1.0,
             ), count)  # fmt: skip
         made = s.torque * p.turn_rate
         sizes.append(abs(s.filtered_force + PRESSED) + abs(made - PRESSED))

@@ -91,7 +91,7 @@ def loop(law, own, memory, limits, plant, amplifier, chain, smooth, module, slot
                 current = bridge_current(amplifier[0], torque / plant[0].torque_constant)
             u = ModuleInput(
                 current, True, False, HUMAN_ARM, i * period < PINNED, 1.0, row[15], 0.0, 0.0, 0.0,
-                0.0,
+                0.0, 0.0, 1.0,
             )  # fmt: skip
             module = module_step(plant[0], module, u)
         record[i, 0], record[i, 1] = module.handle, module.handle_velocity

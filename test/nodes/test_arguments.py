@@ -239,5 +239,5 @@ def test_a_patient_holds_the_handle_of_the_simulated_rig_alone():
     assert "patient" not in given(plan(), "sim_rig")
     with pytest.raises(ValueError, match="the real robot has no simulated one"):
         plan(simulation=False, patient="weak")
-    with pytest.raises(ValueError, match="there are healthy, tremor, weak, flaccid"):
+    with pytest.raises(ValueError, match="there are healthy, weak, tremor, flaccid"):
         plan(patient="lazy")

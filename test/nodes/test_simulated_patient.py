@@ -11,7 +11,7 @@ from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.simulated_patient import SimulatedPatient
-from screw_module_ros.plant.patient import PATIENTS
+from screw_module_ros.plant.settings import patients
 from screw_module_ros.therapy.wishes import SILENT_NS
 
 START, TARGET = (0.0, 0.0, 0.18), (0.1, -0.05, 0.18)
@@ -22,7 +22,7 @@ class Screen:
 
     def __init__(self, patient):
         self.clock, self.sent, self.seen = ManualClock(10_000_000_000), [], {}
-        self.arm = PATIENTS[patient]
+        self.arm = patients()[patient]
         self.patient = SimulatedPatient(
             self, lambda: self.arm, lambda change: self.sent.append(change)
         )
@@ -63,7 +63,7 @@ def test_a_weak_patient_comes_four_fifths_of_the_way(patient, reached):
     for phase in PHASES:
         screen.show("therapy/state", **reach(phase))
     assert screen.targets == [pytest.approx(START), pytest.approx(reached)]
-    assert {change.duration for change in screen.sent} == {PATIENTS[patient].reach_time}
+    assert {change.duration for change in screen.sent} == {patients()[patient].reach_time}
 
 
 def test_a_flaccid_patient_never_moves_his_hand():

@@ -45,4 +45,6 @@ def still() -> ModuleInput:
         stage_speed=0.0,
         stage_target=0.0,
         side_force=0.0,
+        load=0.0,
+        vigour=1.0,
     )

@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from screw_module_ros.plant.fixture import stage_velocity
 from screw_module_ros.plant.patient import (
-    PATIENTS,
+    KINDS,
+    STRONGEST,
     TRAITS,
     ArmSettings,
     HandPath,
     HumanArm,
+    another_patient,
     arm_force,
     changed_patient,
     hand_point,
@@ -24,6 +26,7 @@ from screw_module_ros.plant.patient import (
     resting_patient,
     spring_terms,
 )
+from screw_module_ros.plant.settings import arm_of, patients
 from screw_module_ros.settings import fields, problem
 
 REACH = HandPath(
@@ -59,14 +62,15 @@ def test_velocity_is_the_derivative_of_position(time):
 @pytest.mark.parametrize(
     ("change", "force"),
     [
-        ({}, (3.0, 300.0, 5.0, math.inf, 0.0)),
-        ({"kind": "relaxed"}, (3.0, 30.0, 5.0, math.inf, 0.0)),
-        ({"weight": 12.0, "carried": 0.25}, (3.0, 300.0, 5.0, math.inf, 9.0)),
-        ({"carried": 0.0, "kind": "relaxed"}, (3.0, 30.0, 5.0, math.inf, 20.0)),
-        ({"carried": 0.0, "kind": "weak"}, (3.0, 300.0, 5.0, 8.0, 20.0)),
+        ({}, (3.0, 300.0, 5.0, STRONGEST, 0.0, 1.0)),
+        (KINDS["relaxed"], (3.0, 30.0, 5.0, STRONGEST, 0.0, 1.0)),
+        ({"weight": 12.0, "carried": 0.25}, (3.0, 300.0, 5.0, STRONGEST, 9.0, 1.0)),
+        ({"carried": 0.0, **KINDS["relaxed"]}, (3.0, 30.0, 5.0, STRONGEST, 20.0, 1.0)),
+        ({"carried": 0.0, **KINDS["weak"]}, (3.0, 300.0, 5.0, 8.0, 20.0, 1.0)),
+        ({"strength": 30.0, "extension": 0.6}, (3.0, 300.0, 5.0, 30.0, 0.0, 0.6)),
     ],
 )
-def test_kinds_and_what_hangs_on_the_handle(settings, change, force):
+def test_traits_and_what_hangs_on_the_handle(settings, change, force):
     assert arm_force(settings.arm._replace(**change)) == pytest.approx(force)
 
 
@@ -86,7 +90,7 @@ def test_a_study_s_arm_is_the_shipped_one_which_the_patient_holds_up(settings):
     ],
 )
 def test_a_weak_arm_pulls_with_all_it_has(settings, hand, at, terms):
-    weak = arm_force(settings.arm._replace(kind="weak"))
+    weak = arm_force(settings.arm._replace(strength=8.0))
     assert spring_terms(weak, hand, 0.0, at, 0.0) == terms
 
 
@@ -134,6 +138,42 @@ def test_a_new_target_starts_where_the_hand_is(patient):
     assert hand_point(y, 4.5)[0] == 0.0
 
 
+def test_a_tired_arm_is_weaker_and_a_stretched_one_weaker_still(settings):
+    weak = arm_force(settings.arm._replace(strength=8.0))
+    assert spring_terms(weak, 0.1, 0.0, 0.5, 0.0, 0.5, 0.6) == (0.0, 0.0, -4.0)
+    assert spring_terms(weak, 0.5, 0.0, 0.1, 0.0, 0.5, 0.6) == (0.0, 0.0, pytest.approx(2.4))
+
+
+def test_a_hand_at_rest_sets_out_after_the_reaction_and_one_under_way_at_once(settings):
+    slow = resting_patient(settings.arm._replace(reaction=0.4), 0.0, 0.0, 0.18)
+    there = ArmSettings(target=(0.1, 0.0, 0.18), duration=1.0)
+    out = changed_patient(slow, there, 5.0)
+    assert out.paths[0].begin == pytest.approx(5.4)
+    waiting = changed_patient(out, there._replace(target=(0.05, 0.0, 0.18)), 5.2)
+    assert (waiting.paths[0].begin, waiting.paths[0].target) == (pytest.approx(5.4), 0.05)
+    back = changed_patient(out, there._replace(target=(0.0, 0.0, 0.18)), 5.9)
+    assert back.paths[0].begin == 5.9
+    step = changed_patient(slow, there._replace(duration=0.0), 5.0).paths[0]
+    assert hand_point(step, 5.2) == (0.0, 0.0)
+    assert hand_point(step, 5.5) == (0.1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("hand", "effort"),
+    [((0.0, 0.0, 0.18), 0.9), ((0.05, 0.0, 0.18), 0.95), ((0.3, 0.0, 0.18), 1.0), ((), 1.0)],
+    ids=["it was easy", "he missed by 5 cm", "by far", "he does not look"],
+)
+def test_a_slacking_patient_forgets_where_he_missed_little(settings, hand, effort):
+    slack = resting_patient(settings.arm._replace(slack=0.1, regret=1.0), 0.0, 0.0, 0.18)
+    there = ArmSettings(target=(0.1, 0.0, 0.18), duration=1.0)
+    moving = changed_patient(slack, there, 5.0, hand)
+    assert moving.effort == pytest.approx(effort)
+    assert changed_patient(moving, there, 9.0, hand).effort == moving.effort, "nowhere else"
+    under_way = changed_patient(moving, there._replace(target=(0.0, 0.0, 0.18)), 5.5, hand)
+    assert under_way.effort == moving.effort
+    assert another_patient(moving, settings.arm, ArmSettings()).effort == 1.0
+
+
 def test_tremor_and_relaxed_change_the_path(patient):
     tremor = changed_patient(patient, SINE._replace(kind="tremor"), 0.0)
     swing = [hand_point(tremor.paths[0], i / 100.0)[0] for i in range(100)]
@@ -141,6 +181,18 @@ def test_tremor_and_relaxed_change_the_path(patient):
     assert sum(a * b < 0.0 for a, b in zip(swing, swing[1:], strict=False)) in (9, 10)
     relaxed = changed_patient(patient, SINE._replace(kind="relaxed"), 0.0)
     assert relaxed.paths[2] == resting(0.18)._replace(omega=0.8)
+    shaking = changed_patient(patient, ArmSettings(traits=("tremor", "tremor_rate"),
+                                                   values=(0.004, 8.0)), 0.0).paths[0]  # fmt: skip
+    assert hand_point(shaking, 1.0 / 32.0)[0] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_is_a_name_for_some_traits_and_the_others_stay(patient, kind):
+    own = changed_patient(patient, ArmSettings(traits=("tone", "carried"), values=(9.0, 0.3)), 0.0)
+    changed = changed_patient(own, ArmSettings(kind=kind), 0.0)
+    assert changed.arm == own.arm._replace(**KINDS[kind])
+    again = changed_patient(changed, ArmSettings(kind="active"), 0.0)
+    assert again.arm == own.arm, "what one kind sets, another takes away"
 
 
 def test_traits_are_set_by_name_and_the_others_stay(patient):
@@ -169,15 +221,15 @@ def test_odd_traits_are_refused_in_one_sentence(patient, traits, values, said):
         changed_patient(patient, ArmSettings(traits=traits, values=values), 0.0)
 
 
-@pytest.mark.parametrize("name", PATIENTS)
+@pytest.mark.parametrize("name", patients())
 def test_a_patient_is_a_name_for_all_of_an_arm_and_the_hand_goes_on_its_way(patient, name):
     """What a plain request holds beside the name, zeros, does not count."""
     asked = ArmSettings("", 0.0, 0.0, 0.0, (0.0,) * 3, patient=name)
-    changed = changed_patient(patient, asked, 1.0)
-    assert changed.arm == PATIENTS[name]
+    changed = another_patient(patient, arm_of(name), asked)
+    assert changed.arm == patients()[name]
     for path, before in zip(changed.paths, patient.paths, strict=True):
         assert path._replace(tremor=0.0) == before._replace(tremor=0.0)
-    assert (changed.paths[0].tremor > 0.0) == (name == "tremor")
+    assert changed.paths[0].tremor == patients()[name].tremor
 
 
 @pytest.mark.parametrize(("name", "traits", "values", "weight"), [
@@ -190,16 +242,17 @@ def test_what_hangs_on_the_handle_of_a_patient_with_other_traits(
     patient, name, traits, values, weight
 ):
     asked = ArmSettings(patient=name, traits=traits, values=values)
-    assert arm_force(changed_patient(patient, asked, 0.0).arm).weight == pytest.approx(weight)
+    arm = another_patient(patient, arm_of(name), asked).arm
+    assert arm_force(arm).weight == pytest.approx(weight)
 
 
-def test_an_unknown_patient_is_refused_with_the_known_ones(patient):
-    with pytest.raises(ValueError, match="'lazy': one of healthy, tremor, weak, flaccid is wanted"):
-        changed_patient(patient, ArmSettings(patient="lazy"), 0.0)
+def test_an_unknown_patient_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match="'lazy': one of healthy, weak, tremor, .* is wanted"):
+        arm_of("lazy")
 
 
 def test_every_patient_is_within_the_ranges_of_an_arm():
-    for arm in PATIENTS.values():
+    for arm in patients().values():
         for name, field in fields(HumanArm).items():
             assert problem(field, getattr(arm, name)) == ""
 

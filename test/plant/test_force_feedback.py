@@ -72,7 +72,8 @@ def loop(p, amplifier, s, gain, filter_pole, filter_zero, steps, late, noise, re
             time = i * period + k * dt
             hand = CENTRE + AMPLITUDE * math.sin(OMEGA * time)
             speed = AMPLITUDE * OMEGA * math.cos(OMEGA * time)
-            u = ModuleInput(current, True, False, HUMAN_ARM, False, 1.0, hand, speed, 0.0, 0.0, 0.0)
+            u = ModuleInput(current, True, False, HUMAN_ARM, False, 1.0, hand, speed, 0.0, 0.0, 0.0,
+                            0.0, 1.0)  # fmt: skip
             s = vertical_step(p, s, u)
         record[i, :] = s.handle, s.handle_velocity, s.patient_force
     return s

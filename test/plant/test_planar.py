@@ -29,7 +29,7 @@ pytestmark = pytest.mark.long
 
 L1, L2 = 0.4064, 0.51435
 IDLE_AT = ManusState(*(0.0,) * len(ManusState._fields))
-IDLE = ManusInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0)
+IDLE = ManusInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def step_packed(p, s, u):

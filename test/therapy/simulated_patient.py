@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated patients at the slot law: the plant's arm, a mass at the handle, a session in the loop.
 
+A `Person` has reaches that vary; `person` makes one of a patient of `params/patients.yaml`.
+
 The patient sees the target when it is shown, reacts, and moves the virtual hand of `plant.patient`
 there on a bowed minimum-jerk way of his own duration. Nothing here is tuned to the metrics.
 """
@@ -20,19 +22,20 @@ from screw_module_ros.control.slot import (
     initial_state,
     slot_step,
 )
+from screw_module_ros.plant.muscles import RESTED, muscles_step, pull
 from screw_module_ros.plant.patient import (
-    ACTIVE,
-    TREMOR,
-    WEAK,
+    KINDS,
     ArmSettings,
     HumanArm,
+    Patient,
     arm_force,
     changed_patient,
     hand_point,
     resting_patient,
     spring_terms,
 )
-from screw_module_ros.therapy.hand import HandSample
+from screw_module_ros.plant.settings import patients
+from screw_module_ros.therapy.hand import PLANE, HandSample
 from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.recorded import Act, Recorded
 from screw_module_ros.therapy.session import Session, State
@@ -42,17 +45,18 @@ STEP_NS = 2_500_000
 STEP = STEP_NS * 1e-9
 EVERY = 2  # steps a sample: 200 Hz
 ROBOT_MASS = 1.5  # [kg] the bare plane at the handle (appendix D specifies at most 4/3 kg), grip
+FRICTION_SPEED = 0.005  # [m/s] where the robot's friction is full
 LIMITS = SlotLimits()
 NO_SLOT = Slot()
 
 
 class Person(NamedTuple):
-    """kind: of the arm; duration: of a reach [s]; spread: of durations, 1 sigma as a share.
+    """arm: its traits; duration: of a reach [s]; spread: of durations, 1 sigma as a share.
 
     bow: 1 sigma of the way's bow [m]; reaction [s]; reach: share of the way the person comes.
     """
 
-    kind: str
+    arm: HumanArm
     duration: float
     spread: float = 0.1
     bow: float = 0.004
@@ -60,9 +64,32 @@ class Person(NamedTuple):
     reach: float = 1.0
 
 
-HEALTHY = Person(ACTIVE, 0.8)
-SHAKING = Person(TREMOR, 0.8)
-FEEBLE = Person(WEAK, 2.6, spread=0.2, bow=0.015, reaction=0.4, reach=0.8)
+# Mass and stiffness are the thesis's (6.4.3); its 5 Ns/m would swing twice on each reach.
+ARM = HumanArm(3.0, 300.0, 30.0, weight=20.0, carried=1.0, follows=0.0, reach_time=1.0)
+HEALTHY = Person(ARM, 0.8)
+SHAKING = Person(ARM._replace(**KINDS["tremor"]), 0.8)
+FEEBLE = Person(ARM._replace(**KINDS["weak"]), 2.6, spread=0.2, bow=0.015, reaction=0.4, reach=0.8)
+
+
+def person(name: str) -> Person:
+    """Return the patient of `params/patients.yaml`; his own reaction is a trait of his arm."""
+    arm = patients()[name]
+    return Person(arm, arm.reach_time, bow=0.004, reaction=0.0, reach=arm.follows)
+
+
+class Robot(NamedTuple):
+    """mass at the handle [kg]; friction [N]; hold: of an axis that the protocol does not use [N/m];
+    support: upward on the hand [N]."""
+
+    mass: float = ROBOT_MASS
+    friction: float = 0.0
+    hold: float = 0.0
+    support: float = 0.0
+
+
+BARE = Robot()
+MANUS = Robot(mass=6.5, friction=0.8, hold=800.0)
+"""About what the rig's plane is to a hand: module and arm, joint friction (params/plant.yaml)."""
 
 
 class Simulation:
@@ -73,23 +100,24 @@ class Simulation:
 
     pull = (0.0, 0.0, 0.0)
 
-    def __init__(self, session: Session, person: Person, seed: int):
+    def __init__(self, session: Session, person: Person, seed: int, robot: Robot = BARE):
         self.session = session
         self.person = person
         self.chance = random.Random(f"patient {seed}")
-        # Mass and stiffness are the thesis's (6.4.3); its 5 Ns/m would swing twice on each reach.
-        arm = HumanArm(
-            person.kind, 3.0, 300.0, 30.0, weight=20.0, carried=1.0, follows=0.0, reach_time=1.0
-        )
+        self.robot = robot
         x, y, z = session.protocol.centre
-        self.patient = resting_patient(arm, x, y, z)
-        self.arm = arm_force(arm)
+        self.muscles, self.height = RESTED, z
+        self._have(resting_patient(person.arm, x, y, z))
         self.position, self.velocity = [x, y, z], [0.0, 0.0, 0.0]
         self.handle = [0.0, 0.0, 0.0]
         self.now_ns, self.count = 0, 0
         self.clock_set_ns = 0  # by how much the system clock was set, whose stamps samples have
         self.slots = (initial_state(), initial_state())
         self.shown = self.begin = self.bow = None
+
+    def _have(self, patient: Patient) -> None:
+        self.patient = patient
+        self.arm = arm_force(patient.arm, patient.effort)
 
     @property
     def now(self) -> float:
@@ -111,21 +139,24 @@ class Simulation:
             return
         self.shown = seen
         if trial.phase == Phase.PREPARE:
-            self._go(trial.origin, 1.5, 0.0, 1.0)
+            self.go(trial.origin, 1.5, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
                 self.person.spread * self.chance.gauss(0.0, 1.0)
             )
             bow = self.person.bow * self.chance.gauss(0.0, 1.0)
-            self._go(trial.plan.target, duration, bow, self.person.reach)
+            self.go(trial.plan.target, duration, bow, self.person.reach)
 
-    def _go(self, target, duration, bow, reach) -> None:
+    def go(self, target, duration, bow, reach) -> None:
+        """Send the virtual hand on its way."""
+        if self.person.reach == 0.0:
+            return
         way = [t - p for t, p in zip(target, self.position, strict=True)]
         end = tuple(p + reach * w for p, w in zip(self.position, way, strict=True))
         begin = self.now + (self.person.reaction if bow else 0.0)
-        self.patient = changed_patient(
-            self.patient, ArmSettings(target=end, duration=duration), begin
-        )
+        asked = ArmSettings(target=end, duration=duration)
+        self._have(changed_patient(self.patient, asked, begin, self.position))
+        begin = self.patient.paths[0].begin
         length = math.hypot(way[0], way[1]) or 1.0
         self.bow = (begin, duration, -bow * way[1] / length, bow * way[0] / length)
 
@@ -142,11 +173,18 @@ class Simulation:
 
     def step(self) -> None:
         robot = self._robot()
-        mass = ROBOT_MASS + self.arm.mass
-        for axis, (hand, hand_velocity) in enumerate(self._virtual_hand()):
+        virtual = self._virtual_hand()
+        traits, effort = self.patient.arm, self.patient.effort
+        pulls = pull(traits, effort, self.muscles, virtual[1][0])
+        beside = 0.0, pulls.away, -(self.arm.weight + pulls.load)
+        mass = self.robot.mass + self.arm.mass
+        drag = self.robot.friction / max(math.hypot(*self.velocity), FRICTION_SPEED)
+        for axis, (hand, hand_velocity) in enumerate(virtual):
             stiffness, damping, steady = spring_terms(
-                self.arm, hand, hand_velocity, self.position[axis], self.velocity[axis]
-            )
+                self.arm, hand, hand_velocity, self.position[axis], self.velocity[axis],
+                pulls.vigour, self.arm.extension if axis else 1.0,
+            )  # fmt: skip
+            steady += beside[axis]
             # Implicit in the arm's own spring and damper, as the plant is.
             own = (
                 steady
@@ -156,11 +194,16 @@ class Simulation:
             )
             before = self.velocity[axis]
             after = (before + STEP / mass * (own + robot[axis])) / (
-                1.0 + STEP / mass * (damping + STEP * stiffness)
+                1.0 + STEP / mass * (damping + drag + STEP * stiffness)
             )
             self.velocity[axis] = after
             self.position[axis] += STEP * after
-            self.handle[axis] = ROBOT_MASS * (after - before) / STEP - robot[axis]
+            self.handle[axis] = (
+                self.robot.mass * (after - before) / STEP + drag * after - robot[axis]
+            )
+        self.muscles = muscles_step(
+            traits, effort, self.muscles, *self.handle, self.velocity[1], STEP
+        )
         self.count += 1
         self.now_ns += STEP_NS
 
@@ -178,7 +221,11 @@ class Simulation:
             SlotInput(x, y, vx, vy, plane is not None, plane or NO_SLOT, since),
             STEP,
         )
-        height, height_state = 0.0, self.slots[1]
+        rise, machine = z - self.height, self.robot
+        height = machine.support
+        if machine.hold and self.session.protocol.space == PLANE:
+            height -= machine.hold * rise + 2.0 * math.sqrt(machine.hold * machine.mass) * vz
+        height_state = self.slots[1]
         if vertical is not None or height_state.weight > 0.0:
             out, height_state = slot_step(
                 LIMITS,
@@ -186,7 +233,7 @@ class Simulation:
                 SlotInput(z, 0.0, vz, 0.0, vertical is not None, vertical or NO_SLOT, since),
                 STEP,
             )
-            height = out.force_x
+            height += out.force_x
         self.slots = plane_state, height_state
         return plane_out.force_x, plane_out.force_y, height
 

@@ -81,8 +81,9 @@ def ticks(law, own, memory, limits, plant, amplifier, chain, smooth, state, mode
             if step == LATE:
                 current = bridge_current(amplifier[0], torque / plant[0].torque_constant)
             u = ModuleInput(
-                current, True, False, HUMAN_ARM, False, 1.0, hand, hand_velocity, 0.0, 0.0, 0.0
-            )
+                current, True, False, HUMAN_ARM, False, 1.0, hand, hand_velocity, 0.0, 0.0, 0.0,
+                0.0, 1.0,
+            )  # fmt: skip
             module = module_step(plant[0], module, u)
     return State(module, slotted, motion, heat, current)
 
