@@ -191,7 +191,7 @@ def test_twenty_arms_on_twenty_modules_are_weighed_within_a_newton(seed):
 @pytest.mark.parametrize("mode", [IMPEDANCE, FORCE_FEEDBACK, OBSERVER])
 @pytest.mark.parametrize("helped", [0.5, 0.0])
 def test_a_patient_who_helps_with_a_trembling_arm_is_refused(mode, helped):
-    arm = loose(18.0, 500.0)._replace(kind="tremor", carried=helped, damping=20.0)
+    arm = loose(18.0, 500.0)._replace(tremor=0.008, carried=helped, damping=20.0)
     weighing = weighed(load_world(), arm, mode).weighing
     assert weighing.result is None and "he helps or trembles" in weighing.told
 

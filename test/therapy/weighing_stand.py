@@ -192,4 +192,4 @@ def weighed(world: WorldSettings, arm: HumanArm, mode: int = FORCE_FEEDBACK, **m
 
 def loose(weight: float, spring: float = 0.0) -> HumanArm:
     """Return an arm that hangs; spring: its own towards the middle [N/m]."""
-    return HumanArm("active", 0.1 * weight, spring, 10.0, weight, 0.0, 0.0, 1.1)
+    return HumanArm(0.1 * weight, spring, 10.0, weight, 0.0, 0.0, 1.1)
