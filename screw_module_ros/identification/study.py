@@ -9,6 +9,10 @@ stand or move, a heavy arm, an obstacle that the transducer does not feel, a cha
 slow and small motion, holding and letting go. No mode is calibrated. In process, no ROS, no
 hardware.
 
+With `--support` it is an arm that hangs on the handle and is carried (`carrying`), in the modes
+that feed the force back, on the same rigs and on the thesis's module, where the seed is the
+noise's.
+
 With `--plane` it is the plane, without and with force feedback: the arm with its set of joint
 inertias and the structure that bends, rate, delay, age of the force, counts of the joints, and
 place and direction of the motion in the workspace are drawn as well.
@@ -46,6 +50,7 @@ from ..plant.patient import RIGID, ArmForce, HandPath, resting, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from ..settings import SettingError
 from ..terminal import Console, command
+from .carrying import CASES as CARRYING
 from .force_error import WALLS, wall, with_damping
 from .force_metric import LAST, judged
 from .lab import done_by, worker_pool
@@ -57,6 +62,7 @@ from .stand import LoopSettings, SimulatedStand
 from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, PlaneLoop
 
 FAMILIES = {"A": "rigid hand", "B": "soft grip"}
+THESIS_MODULE = {"T": "the thesis's module"}
 MODES = tuple(variants())
 CENTRE = 0.18  # centre of the spring [m]
 _COUNTS = (2000, 4000, 8192, 20000)
@@ -84,6 +90,8 @@ class Rig(NamedTuple):
 
 def drawn(family: str, seed: int) -> Rig:
     """Return the rig of a family, of `FAMILIES`, and seed; the same for the same seed."""
+    if family in THESIS_MODULE:
+        return Rig(load_world(), LoopSettings(rate=1000.0, command_delay=0.6e-3), RIGID)
     draw = random.Random(f"study {family} {seed}")
     world = load_world(perturb_seed=seed)
     if draw.random() < 0.5:  # what earlier versions drew, so that seeds still draw the rest
@@ -220,6 +228,14 @@ FIGURES = {
     "sudden": f"in {_SUDDEN_S * 1e3:g} ms [N]",
     "over": "over the edge [m/s]",
     "blow": "hand's force [N]",
+    "sunk": "below [mm]",
+    "off": "off its place [mm]",
+    "rest": "force less support [N]",
+    "error": "the same, rms [N]",
+    "flown": "flies [mm]",
+    "flying": "fastest [m/s]",
+    "lost": "support lost, of 12 s [s]",
+    "fallen": "falls in 0.5 s [mm]",
 }
 """Texts of the figures. Of the force error: rms, longest time with more than 1.5 N rms above 3 Hz,
 largest. Least share of the force gain; travel in the last second; mean force on the obstacle in the
@@ -228,6 +244,8 @@ and the hand's largest force. The larger the worse, but for the share."""
 WANTED = {
     "rms": 1.5, "share": 1.0, "shaking": 0.3, "peak": math.inf, "travel": 1.0, "pressed": 40.0,
     "sudden": 5.0, "over": 0.0, "blow": 60.0,
+    "sunk": math.inf, "off": 10.0, "rest": 0.5, "error": 1.0, "flown": 60.0, "flying": 0.45,
+    "lost": 1.0, "fallen": math.inf,
 }  # fmt: skip
 
 
@@ -300,12 +318,23 @@ def measured_plane(family: str, seed: int, kind: int, name: str) -> dict[str, fl
     return {figure: figures[figure] for figure in case.figures.split()}
 
 
+def measured_carrying(
+    family: str, seed: int, mode: int, name: str, laws: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """Return the figures of one case of a carried arm on one rig; laws: of other packages."""
+    rig, case = drawn(family, seed), CARRYING[name]
+    stand = SimulatedStand(rig.world, rig.loop, seed, laws)
+    return case.judged(stand.record(case.trial(mode, rig.grip), lambda share: None))
+
+
 class Subject(NamedTuple):
-    """What is studied. kinds: number and head of each column; figures: of each case, by name."""
+    """What is studied. kinds: number and head of each column; figures: of each case, by name;
+    families: of its rigs."""
 
     kinds: dict[int, str]
     figures: dict[str, tuple[str, ...]]
     measured: Callable[[str, int, int, str], dict[str, float]]
+    families: dict[str, str] = FAMILIES
 
 
 def vertical(laws: tuple[str, ...] = ()) -> Subject:
@@ -315,6 +344,20 @@ def vertical(laws: tuple[str, ...] = ()) -> Subject:
     kinds |= {mode: variant.name for mode, variant in variants(others).items()}
     figures = {name: case.figures for name, case in CASES.items()}
     return Subject(kinds, figures, partial(measured, laws=laws) if laws else measured)
+
+
+def carried(laws: tuple[str, ...] = ()) -> Subject:
+    """Return the support in all modes that feed the force back, with laws of other packages.
+
+    Raises SettingError for no law.
+    """
+    kinds, of_all = vertical(laws).kinds, variants(loaded(laws))
+    return Subject(
+        {mode: name for mode, name in kinds.items() if of_all[mode].force},
+        {name: case.figures for name, case in CARRYING.items()},
+        partial(measured_carrying, laws=laws),
+        {**THESIS_MODULE, **FAMILIES},
+    )
 
 
 VERTICAL = vertical()
@@ -340,8 +383,9 @@ Outcomes = dict[str, dict[str, dict[int, list[float]]]]
          "its entry point (repeat for more).",
 )
 @click.option("--plane", is_flag=True, help="The plane in place of the vertical modes.")
+@click.option("--support", is_flag=True, help="An arm that hangs on the handle and is carried.")
 @click.option(
-    "--case", "cases", multiple=True, type=click.Choice([*CASES, *PLANAR_CASES]),
+    "--case", "cases", multiple=True, type=click.Choice([*CASES, *PLANAR_CASES, *CARRYING]),
     help="This case alone.",
 )
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
@@ -351,24 +395,25 @@ Outcomes = dict[str, dict[str, dict[int, list[float]]]]
               help="Scheduler of a dask cluster that runs already, in place of processes here.")
 def study(
     console: Console, rigs: int, first_seed: int, chosen: tuple[int, ...], laws: tuple[str, ...],
-    plane: bool, cases: tuple[str, ...], folder: Path, workers: int | None, scheduler: str | None,
+    plane: bool, support: bool, cases: tuple[str, ...], folder: Path, workers: int | None,
+    scheduler: str | None,
 ) -> None:  # fmt: skip
     """Measure every mode on rigs drawn by seed and write one table: median, worst."""
     begun = time.monotonic()
     seeds = range(first_seed, first_seed + rigs)
-    if plane and laws:
-        raise click.UsageError("--law is for the vertical axis: without --plane")
+    if plane and (laws or support):
+        raise click.UsageError("--law and --support are for the vertical axis: without --plane")
     try:
-        subject = PLANE if plane else vertical(laws)
+        subject = PLANE if plane else carried(laws) if support else vertical(laws)
     except SettingError as error:
         raise click.UsageError(str(error)) from None
     names, kinds = cases or tuple(subject.figures), chosen or tuple(subject.kinds)
     if not set(names) <= set(subject.figures):
-        raise click.UsageError("the cases of the vertical axis go without --plane")
+        raise click.UsageError(f"--case: one of {', '.join(subject.figures)} goes with the rest")
     if unknown := sorted(set(kinds) - set(subject.kinds)):
         known = ", ".join(map(str, subject.kinds))
         raise click.UsageError(f"--mode {unknown[0]} is none of {known}; --plane has none")
-    wanted = [(f, s, m, n) for n in names for m in kinds for f in FAMILIES for s in seeds]
+    wanted = [(f, s, m, n) for n in names for m in kinds for f in subject.families for s in seeds]
     folder.mkdir(parents=True, exist_ok=True)
     with executor(workers, scheduler) as pool, Progress(console=console.rich) as bars:
         bar = bars.add_task("trials", total=len(wanted))
@@ -391,15 +436,15 @@ def study(
             }
             for name, names_of in figures.items()
         }
-        for family in FAMILIES
+        for family in subject.families
     }
     seconds = time.monotonic() - begun
     head = f"Rigs {seeds[0]} to {seeds[-1]} of each family: {len(wanted)} trials in {seconds:.0f} s"
-    words = [f"--law {law}" for law in laws] + ["--plane"] * plane
+    words = [f"--law {law}" for law in laws] + ["--plane"] * plane + ["--support"] * support
     called = " ".join(["study", *words, f"--rigs {rigs} --first-seed {first_seed}"])
     text = [f"# Study\n\n{head}: `{called}`."]
     for family, cases_of in found.items():
-        title = f"Family {family}, {FAMILIES[family]}: median / worst"
+        title = f"Family {family}, {subject.families[family]}: median / worst"
         rows = table_rows(cases_of, {kind: subject.kinds[kind] for kind in kinds})
         text.append(f"\n## {title}\n\n{_markdown(rows)}")
         console.show(shown(title, rows[0], rows[1:]))

@@ -13,7 +13,7 @@ from ..control.law import Law
 from ..control.laws import LAWS
 from ..control.modes import EXCITATION, OFF
 from ..control.slot import Reach, SlotLimits
-from ..control.support import SupportSettings, SupportState
+from ..control.support import SupportSettings, SupportState, largest_support
 from ..control.vertical import VerticalInput, VerticalOutput
 from ..control.vertical_settings import VerticalSettings
 from ..safety.checks import Agreement, AgreementSettings, VerticalChecks, WatchSettings
@@ -111,10 +111,11 @@ class VerticalController:
         slot = self.guide.guidance(sample.position, 0.0, sample.velocity, 0.0, now_ns, dt)
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
-        support = self.support.force(
-            self.laws.needs_force(self.mode), self._brakes, active and not excites,
-            sample.velocity, self._hand, now_ns, dt,
-        )  # fmt: skip
+        support = 0.0
+        if not self.support.idle(now_ns):
+            acts, hand = active and not excites, self._hand
+            largest = self.support_limit
+            support = self.support.force(largest, acts, sample.velocity, hand, now_ns, dt)
         # Where no spring pulls, a set point that nobody repeats is forgotten too.
         pulls = active and self.mode not in _NO_SPRING
         target, target_speed = self.wanted.at(now_ns, pulls)
@@ -147,6 +148,12 @@ class VerticalController:
         self.fault.set(wrong)
         self._keep_fault()
         return force
+
+    @property
+    def support_limit(self) -> float:
+        """Largest support of the arm that mode and drive allow now [N]."""
+        feeds_back = self.laws.needs_force(self.mode)
+        return largest_support(self.support.settings, feeds_back, self._brakes)
 
     def excite(self, request: Excitation, now_ns: int) -> None:
         """Take a trial's request; its lease begins only while no torque passes."""

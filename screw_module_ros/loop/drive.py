@@ -57,7 +57,8 @@ class VerticalDrive:
     The driver latches errors of the bus, and state and diagnostics show them; the loop continues
     with its other work.
 
-    period_ns: between commands. permit: its gate. chain: from force to torque, of the laws; mode
+    period_ns: between commands. brakes: the drive does when the torque goes off, else it coasts.
+    permit: its gate. chain: from force to torque, of the laws; mode
     EXCITATION has `excitation_chain`, for as long as the gate that `ready` prepared is open.
     missed_limit:
     deadlines missed in a row that stop the torque. heat: of the motor at the start [Nm^2]. asked:
@@ -75,7 +76,7 @@ class VerticalDrive:
         missed_limit: int = 20,
         heat: float = COLD,
     ):
-        self.drive = drive
+        self.drive, self.brakes = drive, drive.brakes
         recovery_s = drive.settings.enable_timeout
         self.permit = Permit([drive], permit, period_ns, recovery_s)
         self.last = _NOTHING
@@ -104,11 +105,6 @@ class VerticalDrive:
         """Travel of the nut from the drive's newest answer [m], not homed."""
         reading = self.drive.reading
         return reading.position if reading is not None else 0.0
-
-    @property
-    def brakes(self) -> bool:
-        """Whether the drive shorts its motor when the torque goes off, else it coasts."""
-        return self.drive.brakes
 
     def heat(self, now_ns: int) -> float:
         """Return the motor's heat now [Nm^2], after no torque since the last write."""

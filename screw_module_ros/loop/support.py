@@ -5,13 +5,7 @@ from __future__ import annotations
 
 import math
 
-from ..control.support import (
-    SupportInput,
-    SupportSettings,
-    SupportState,
-    largest_support,
-    support_step,
-)
+from ..control.support import SupportInput, SupportSettings, SupportState, support_step
 from ..safety.latch import Age
 from ..samples import ForceReading
 from .inputs import RENEWED_NS
@@ -20,13 +14,11 @@ from .inputs import RENEWED_NS
 class Support:
     """The support of the patient's arm (`control.support`); the loop's thread also calls `ask`.
 
-    settings: may be replaced at any time. state: its memory. largest: support that mode and drive
-    allow now [N].
+    settings: may be replaced at any time. state: its memory.
     """
 
     def __init__(self, settings: SupportSettings):
         self.settings, self.state = settings, SupportState()
-        self.largest = 0.0
         self._wish = math.nan
         self._asked = Age(RENEWED_NS)
 
@@ -35,17 +27,21 @@ class Support:
         self._wish = wish
         self._asked.note(now_ns)
 
+    def idle(self, now_ns: int) -> bool:
+        """Return whether nobody asks, none is left, and no hand is off."""
+        s = self.state
+        return s.force == 0.0 and not s.hand_off and not self._asked.fresh(now_ns)
+
     def force(
-        self, feeds_back: bool, brakes: bool, acts: bool, velocity: float,
-        hand: ForceReading | None, now_ns: int, dt: float,
+        self, largest: float, acts: bool, velocity: float, hand: ForceReading | None, now_ns: int,
+        dt: float,
     ) -> float:  # fmt: skip
         """Return the force on the hand [N], dt [s] after the last.
 
-        feeds_back: the mode does so with the handle's force; brakes: the drive does when its torque
-        goes off; acts: torque passes; velocity: of the nut [m/s]; hand: its newest force.
+        largest: that mode and drive allow [N]; acts: torque passes; velocity: of the nut [m/s];
+        hand: its newest force.
         """
-        self.largest = largest_support(self.settings, feeds_back, brakes)
         wish = self._wish if self._asked.fresh(now_ns) else math.nan
         fx, fy, fz = (hand.fx, hand.fy, hand.fz) if hand else (math.nan,) * 3
-        inp = SupportInput(wish, self.largest, acts, velocity, fz, max(abs(fx), abs(fy)))
+        inp = SupportInput(wish, largest, acts, velocity, fz, max(abs(fx), abs(fy)))
         return support_step(self.settings, self.state, inp, dt)

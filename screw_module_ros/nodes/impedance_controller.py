@@ -552,8 +552,8 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force
-    support = controller.support
-    message.support, message.support_limit = support.state.force, support.largest
-    message.hand_off = support.state.hand_off
+    support = controller.support.state
+    message.support, message.hand_off = support.force, support.hand_off
+    message.support_limit = controller.support_limit
     message.samples = controller.meter.samples
     fill_latencies(message, controller.meter, now_ns)

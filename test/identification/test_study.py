@@ -40,7 +40,7 @@ def test_rigs_are_drawn_within_their_ranges_and_are_the_same_for_a_seed():
 
 def test_every_case_has_figures_that_are_known():
     assert set(WANTED) == set(FIGURES)
-    subjects = study.VERTICAL, study.PLANE
+    subjects = study.VERTICAL, study.PLANE, study.carried()
     shown = [names for subject in subjects for names in subject.figures.values()]
     assert {figure for names in shown for figure in names} == set(FIGURES)
 
@@ -120,7 +120,9 @@ def test_a_law_of_another_package_stands_beside_the_shipped_ones(tmp_path):
     [
         (["--law", "laws_of_others:NONE"], "has no attribute 'NONE'"),
         (["--mode", str(FLOOR)], f"--mode {FLOOR} is none of 1, 2, 3, 4, 5"),
-        (["--law", "laws_of_others:THE_FLOOR", "--plane"], "--law is for the vertical axis"),
+        (["--law", "laws_of_others:THE_FLOOR", "--plane"], "--law and --support are"),
+        (["--support", "--plane"], "without --plane"),
+        (["--support", "--case", "slow"], "one of hangs, 20 N, not carried"),
         (["--scheduler", "tcp://127.0.0.1:1"], "--scheduler"),
     ],
 )

@@ -76,7 +76,7 @@ def test_it_comes_at_10_newtons_a_second_and_lapses_at_5(made):
 @pytest.mark.parametrize(("reaction", "most"), [("brake", 25.0), ("coast", 8.0)])
 def test_the_drive_tells_what_it_may_be(made, reaction, most):
     robot = made(reaction=reaction)
-    assert robot.controller.support.largest == most
+    assert robot.controller.support_limit == most
     assert carry(robot, 1.2, 30.0)[-1] == pytest.approx(min(most, 12.0), abs=0.1)
 
 
@@ -97,7 +97,7 @@ def test_a_mode_without_feedback_takes_it_away_slowly(made, mode):
     carry(robot, 0.9)
     robot.controller.mode = mode
     used = carry(robot, 1.0)
-    assert robot.controller.support.largest == 0.0
+    assert robot.controller.support_limit == 0.0
     assert used[-1] == pytest.approx(9.0 - 5.0, abs=0.1)
     assert robot.controller.output.gravity == pytest.approx(10.0)
 

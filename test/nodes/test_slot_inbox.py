@@ -27,5 +27,5 @@ def test_it_carries_the_arm_whatever_it_guides(vertical, asked, comes):
     guide, support = Guide(SlotLimits(), Reach(0.0, 0.36)), Support(SupportSettings())
     inbox.read(guide, NOW, support)
     assert bool(inbox.refused) == vertical and guide.free
-    force = support.force(True, True, True, 0.0, None, NOW, 0.001)
+    force = support.force(25.0, True, 0.0, None, NOW, 0.001)
     assert force == pytest.approx(comes)
