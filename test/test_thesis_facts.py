@@ -298,7 +298,7 @@ def test_every_key_of_the_page_of_contradictions_exists():
     assert set(keys) - set(thesis.facts()) == set()
 
 
-@pytest.mark.parametrize("name", ["clock_adaptive", "elevator", "evaluation", "reach_3d"])
+@pytest.mark.parametrize("name", ["clock_adaptive", "elevator", "evaluation", "reach_3d", "lift"])
 def test_a_protocol_names_the_source_of_what_it_took_over(name):
     text = (ROOT / f"params/therapy/{name}.yaml").read_text("utf-8")
     values = list(of_yaml(text, f"{name}.yaml"))

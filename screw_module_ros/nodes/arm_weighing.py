@@ -54,6 +54,11 @@ class ArmWeighing:
         """Return what the dialogue asks for [N], NaN without one."""
         return self.dialogue.support if self.dialogue and self.is_on else math.nan
 
+    @property
+    def newtons(self) -> float:
+        """Return what the arm weighs [N], NaN if it is not known."""
+        return self.weight.weight if self.weight else math.nan
+
     def know(self, patient: str, side: str) -> None:
         """Look up what a patient's arm weighs, and tell when it must be weighed."""
         if self._arm == (patient, side) and self.weight is not None:

@@ -39,7 +39,14 @@ from screw_module_ros.therapy.protocol_file import (
     sha256,
 )
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
-from screw_module_ros.therapy.support import PULLS_HARD, Spasm, Support, SupportSettings
+from screw_module_ros.therapy.support import (
+    PULLS_HARD,
+    Carried,
+    Spasm,
+    Support,
+    SupportSettings,
+    block_refusal,
+)
 from screw_module_ros.therapy.weighing import WeighingSettings
 from screw_module_ros.therapy.wishes import WishLimits
 
@@ -83,7 +90,8 @@ class Course:
     slot, state: the messages. session: the newest. patient: its pseudonym. definition: text of its
     protocol, until it was published. heard: the newest endpoint_state, sample: what a session takes
     of it; sampled_ns: when it came, told_ns: when the controller's state came [ns]. support: of the
-    arm. sent: what was published last: state, reason and phase of the session, slots, support.
+    arm; carried: what a block of the session asked for last. sent: what was published last: state,
+    reason and phase of the session, slots, support.
     """
 
     attendance: Attendance
@@ -100,6 +108,7 @@ class Course:
     sampled_ns: int | None = None
     told_ns: int = 0
     support: Support = field(default_factory=Support)
+    carried: tuple[Carried, float] | None = None
     spasm: Spasm = field(default_factory=Spasm)
     sent: tuple[tuple[State, str, Any] | None, SlotWish, float] = (None, NO_SLOT, 0.0)
 
@@ -180,7 +189,7 @@ class TherapySessionNode(Node):
         """Apply live parameters; a session keeps its limits from its start."""
         if kind is SupportSettings and self.active:
             force = self.parameters.read(SupportSettings, "support").force
-            self.requests.put(lambda: self.course.support.ask(force))
+            self.requests.put(lambda: self._set_support(force))
         if kind is WishLimits and self.active:
             limits = self.parameters.read(WishLimits, "wish")
             self.requests.put(lambda: self._wishes.limit(limits))
@@ -226,12 +235,30 @@ class TherapySessionNode(Node):
             before = session.state
             self._publish(session, session.take(course.sample))
             self._note_state(session, before)
+            self._carry(session)
         self._arms.take(message)
         if self._arms.is_on and math.isfinite(self._arms.support):
             course.support.ask(self._arms.support)  # with which the arm stays carried afterwards
-        course.support.weight = self._arms.weight.weight if self._arms.weight else math.nan
+        course.support.weight = self._arms.newtons
         if course.spasm.notices(course.sample):
             self._give_way(session)
+
+    def _carry(self, session: Session) -> None:
+        """Ask for the support of the session's block, where it has changed."""
+        course, carried = self.course, (session.carried, session.carried.force)
+        if session.state == State.RUNNING and carried != course.carried:
+            course.carried = carried
+            if not math.isnan(carried[1]):
+                course.support.ask(carried[1])
+
+    def _set_support(self, force: float) -> None:
+        """Ask for a support by hand [N]; it ends the fade of a session's block."""
+        course, session = self.course, self.course.session
+        course.support.ask(force)
+        if session is not None and course.is_under_way and course.sample:
+            session.carried.set_by_hand(course.support.force)
+            course.carried = session.carried, session.carried.force
+            course.state.support_since = course.sample.sequence
 
     def _give_way(self, session: Session | None) -> None:
         """End what guides an arm that pulls hard, but where it was asked to; it stays carried."""
@@ -361,12 +388,17 @@ class TherapySessionNode(Node):
         now_ns = self.clock.now_ns()
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
+        self._arms.know(patient, request.side)
+        weight = course.support.weight = self._arms.newtons
+        for block in protocol.blocks:
+            if refused := block_refusal(block.support, weight, course.support.limit):
+                return refused
         course.attendance.begin(request.attended, now_ns)
         course.patient, course.definition = patient, definition
         course.state.side, course.state.checks = request.side, request.checks
-        self._arms.know(patient, request.side)
         course.state.definition_sha256 = sha256(definition)
-        course.session = Session(protocol, _WAITS if request.record else "")
+        course.session = Session(protocol, _WAITS if request.record else "", weight)
+        course.state.support_since = 0
         course.support.ask(course.support.force)  # what was lowered for another stays down
         course.sent = (None, *course.sent[1:])
         course.state.state_since = course.sample.sequence

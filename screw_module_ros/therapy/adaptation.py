@@ -71,12 +71,17 @@ class Circuit(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of assistance: number of the circuit before it, old and new values, reason."""
+    """A change of assistance: number of the circuit before it, old and new values, reason.
+
+    support_before, support: of the arm, by a fade [N], NaN = there is none.
+    """
 
     circuit: int
     before: Assistance
     after: Assistance
     reason: str
+    support_before: float = math.nan
+    support: float = math.nan
 
     def row(self, block: int) -> dict[str, Any]:
         """Return it by the names of AssistanceChange.msg; block: number of its block."""
@@ -87,6 +92,8 @@ class Change(NamedTuple):
             "duration": self.after.duration,
             "side_stiffness_before": self.before.side_stiffness,
             "side_stiffness": self.after.side_stiffness,
+            "support_before": self.support_before,
+            "support": self.support,
             "reason": self.reason,
         }
 

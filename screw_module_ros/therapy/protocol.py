@@ -15,6 +15,7 @@ from ..settings import Setting
 from .adaptation import AdaptationBounds
 from .hand import AXES, Point
 from .line import Line
+from .support import BlockSupport
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
 KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH)
@@ -82,7 +83,8 @@ class Block(NamedTuple):
     """A part of a session: circuits of one kind.
 
     duration: of a circle, hold, resisted or strength trial [s]; stiffness: of the walls that hold
-    the hand in these trials, 0 = none [N/m].
+    the hand in these trials, 0 = none [N/m]. support: of the arm from its beginning on, None = as
+    it is.
     """
 
     kind: Annotated[str, Setting("what the patient does", choices=KINDS)]
@@ -94,6 +96,7 @@ class Block(NamedTuple):
     stiffness: Annotated[
         float, Setting("of the walls that hold the hand", "N/m", 0.0, 800.0)
     ] = 0.0
+    support: BlockSupport | None = None
 
 
 class Guidance(NamedTuple):
@@ -211,6 +214,8 @@ def _block_flaws(protocol: Protocol, block: Block) -> Iterator[str]:
     """
     if block.kind != REACH and block.duration <= 0.0:
         yield f"duration: a {block.kind} needs some time"
+    if block.kind != REACH and block.support and block.support.fade:
+        yield f"support.fade: only reaches succeed or not, a {block.kind} does not"
     if block.kind != REACH and block.assisted:
         yield f"assisted: only a reach is, a {block.kind} is not"
     for x, y, z in (protocol.centre, *points(protocol, block)):

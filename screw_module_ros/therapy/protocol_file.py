@@ -22,7 +22,7 @@ from .hand import AXES, Point
 from .protocol import Protocol, plan, points, ways
 from .wishes import WishLimits
 
-SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
+SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d", "lift")
 """Protocols that come with the package."""
 _SOFTEST_SHARE = 0.5  # share of the stiffest walls, if these are softer than the protocol's softest
 _ROUNDING = 1e-9  # [m] rounding of the targets' sines

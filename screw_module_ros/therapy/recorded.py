@@ -41,6 +41,13 @@ class Act(NamedTuple):
     reason: str
 
 
+class ByHand(NamedTuple):
+    """Support that was set by hand; after: number of the sample before it; force [N]."""
+
+    after: int
+    force: float
+
+
 class Recorded(NamedTuple):
     """A session as recorded in a bag.
 
@@ -48,7 +55,8 @@ class Recorded(NamedTuple):
     by the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
     executed YAML, hexadecimal, empty if the bag lacks it. recorded_at: local time at which the
     recording began, with its offset from UTC; use_sim_time: of the session's nodes; both None if
-    the bag does not tell, as those of older versions and other recorders.
+    the bag does not tell, as those of older versions and other recorders. arm_weight: at the
+    beginning [N], NaN = not weighed; by_hand: changes of the support by hand.
     """
 
     folder: Path
@@ -61,6 +69,8 @@ class Recorded(NamedTuple):
     protocol_sha256: str = ""
     recorded_at: datetime | None = None
     use_sim_time: bool | None = None
+    arm_weight: float = math.nan
+    by_hand: tuple[ByHand, ...] = ()
 
     @property
     def is_simulated(self) -> bool:
@@ -221,7 +231,12 @@ def _session(
     changes.sort(key=itemgetter("block", "circuit"))
     acts = _acts(states, first.patient)
     return Recorded(
-        folder, first.patient, protocol, acts, trials, changes, samples, max(hashes)
+        folder, first.patient, protocol, acts, trials, changes, samples, max(hashes),
+        arm_weight=getattr(first, "arm_weight", math.nan),
+        by_hand=tuple(dict.fromkeys(
+            ByHand(int(state.support_since), state.support)
+            for state in states if getattr(state, "support_since", 0)
+        )),
     )  # fmt: skip
 
 
@@ -277,7 +292,8 @@ def _trial(message: Any) -> Row:
 def _change(message: Any) -> dict[str, Any]:
     names = ("block", "circuit", "duration_before", "duration", "side_stiffness_before",
              "side_stiffness", "reason")  # fmt: skip
-    return {name: getattr(message, name) for name in names}
+    support = {name: getattr(message, name, math.nan) for name in ("support_before", "support")}
+    return {name: getattr(message, name) for name in names} | support
 
 
 def _point(value: Any) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from .gaps import Gap, gaps_of
 from .hand import HandSample
 from .measures import COLUMNS, Row
 from .protocol import Protocol
-from .recorded import Act, Recorded
+from .recorded import Act, ByHand, Recorded
 from .session import Session, State
 
 
@@ -34,7 +34,8 @@ _AGAIN = tuple(name for name in COLUMNS if name != "support")  # no sample tells
 _TRIAL = _Kind(("trial",), _AGAIN, "trial {}", "complete", "result")
 _CHANGE = _Kind(
     ("block", "circuit"),
-    ("duration_before", "duration", "side_stiffness_before", "side_stiffness", "reason"),
+    ("duration_before", "duration", "side_stiffness_before", "side_stiffness", "support_before",
+     "support", "reason"),
     "assistance after circuit {1} of block {0}", "change", "change",
 )  # fmt: skip
 
@@ -72,8 +73,9 @@ class Replay(NamedTuple):
 def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
     return replay(
-        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
-    )
+        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes,
+        recorded.arm_weight, recorded.by_hand,
+    )  # fmt: skip
 
 
 def replay(
@@ -82,17 +84,20 @@ def replay(
     acts: Sequence[Act],
     recorded: Sequence[Row],
     changes: Sequence[Mapping[str, Any]] | None = None,
+    arm_weight: float = math.nan,
+    by_hand: Sequence[ByHand] = (),
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
     `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
-    AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
+    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand: changes of the support by
+    hand. Raises ValueError if no act starts the
     session.
     """
     if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
-    session, used, adapted = _again(protocol, samples, list(acts))
+    session, used, adapted = _again(protocol, samples, list(acts), arm_weight, list(by_hand))
     gaps = gaps_of(used)
     results = session.results if session is not None else []
     problems = [
@@ -112,7 +117,8 @@ def replay(
 
 
 def _again(
-    protocol: Protocol, samples: Iterable[HandSample], acts: list[Act]
+    protocol: Protocol, samples: Iterable[HandSample], acts: list[Act], arm_weight: float,
+    by_hand: list[ByHand],
 ) -> tuple[Session | None, list[HandSample], list[dict[str, Any]]]:
     """Return the session, the samples it used, and its changes of assistance."""
     session: Session | None = None
@@ -120,7 +126,11 @@ def _again(
     adapted: list[dict[str, Any]] = []
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
-            session = _acted(protocol, session, acts.pop(0))
+            session = _acted(protocol, session, acts.pop(0), arm_weight)
+        while by_hand and sequence_gap(by_hand[0].after, sample.sequence) >= 0:
+            changed = by_hand.pop(0)
+            if session is not None:
+                session.carried.set_by_hand(changed.force)
         if session is None or session.trial is None:
             continue
         outcome = session.take(sample)
@@ -130,9 +140,12 @@ def _again(
     return session, used, adapted
 
 
-def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | None:
+def _acted(
+    protocol: Protocol, session: Session | None, act: Act, arm_weight: float
+) -> Session | None:
     if session is None:
-        return Session(protocol) if act.state == State.RUNNING else None
+        started = act.state == State.RUNNING
+        return Session(protocol, weight=arm_weight) if started else None
     if act.state == State.PAUSED:
         session.pause(act.reason)
     elif act.state == State.RUNNING:

@@ -7,6 +7,7 @@ of both reproduces the session (`replay`).
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from .hand import OTHER, VERTICAL, HandSample, plausible
 from .line import NO_SLOT, Hold, SlotWish, held
 from .measures import Row
 from .protocol import Protocol, plan
+from .support import Carried
 from .trial import Phase, PrepareError, TrialCourse
 
 
@@ -51,12 +53,12 @@ class Session:
     """Processes the hand's samples one by one.
 
     state: starting, running, paused, finished or aborted; reason: what it waits for, or of the
-    pause or abort. assistance: current values. results, changes: so far. trial: the current one,
-    None after the end.
+    pause or abort. assistance: current values; carried: support of the current block. results,
+    changes: so far. trial: the current one, None after the end.
     """
 
-    def __init__(self, protocol: Protocol, awaits: str = ""):
-        """Begin; awaits: what it must wait for first, until `begin`."""
+    def __init__(self, protocol: Protocol, awaits: str = "", weight: float = math.nan):
+        """Begin; awaits: what it must wait for first, until `begin`; weight: of the arm [N]."""
         self.protocol = protocol
         self.state = State.STARTING if awaits else State.RUNNING
         self.reason = awaits
@@ -68,6 +70,8 @@ class Session:
         self._circuits: list[Circuit] = []
         self._movements: list[Row] = []
         self._hold: Hold | None = None
+        self._weight, self._reached = weight, list[bool]()
+        self.carried = Carried(protocol.blocks[0].support, weight)
         self.trial: TrialCourse | None = self._next_trial()
 
     @property
@@ -154,6 +158,7 @@ class Session:
 
     def _learn(self, result: Row) -> Change | None:
         """Count a movement for the adaptation; return the change after a circuit, if any."""
+        self._reached.append(result["reached"])
         if result["assisted"]:
             self._movements.append(result)
         upcoming = self._plans[len(self.results)] if len(self.results) < self.trials else None
@@ -161,8 +166,19 @@ class Session:
         if upcoming and not ends_block and upcoming.circuit == result["circuit"]:
             return None
         change = self._end_circuit(result) if self._movements else None
+        if faded := None if ends_block else self.carried.judge(self._reached):
+            before, after, why = faded
+            same = Change(result["circuit"], self.assistance, self.assistance, "")
+            reason = "; ".join(filter(None, (change.reason if change else "", why)))
+            change = (change or same)._replace(support_before=before, support=after, reason=reason)
+        self._reached = []
         if ends_block:
             self._circuits = []
+            if upcoming:
+                block = self.protocol.blocks[upcoming.block - 1]
+                self.carried = Carried(block.support, self._weight)
+        if change is not None:
+            self.changes.append(change)
         return change
 
     def _end_circuit(self, result: Row) -> Change | None:
@@ -174,5 +190,4 @@ class Session:
             change = adapted(bounds, self.assistance, self._circuits, has_sides)
         if change is not None:
             self.assistance = change.after
-            self.changes.append(change)
         return change

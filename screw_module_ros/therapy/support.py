@@ -8,13 +8,17 @@ stays at a pause and at the end of a session, until the arm is lowered.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from statistics import fmean as mean
 from typing import Annotated, NamedTuple
 
+from ..control.limits import clamp, slew
 from ..control.slot import Slot
 from ..settings import Setting
 from .hand import HandSample
 from .line import SlotWish
 
+SUPPORT_RANGE = -20.0, 25.0  # [N] ours: what the controller gives
 BEYOND_WEIGHT = 2.0  # [N] ours: more would lift an arm that asks for nothing
 UNWEIGHED = 15.0  # [N] ours: an outstretched arm of 3.45 kg and 0.65 m presses so at the hand
 LOWERED_IN = 4.0  # [s] ours
@@ -65,6 +69,85 @@ def refusal(force: float, weight: float, limit: float | None) -> str:
             "as more would lift it"
         )
     return ""
+
+
+class Fade(NamedTuple):
+    """Changes the share between circuits, by success: the share of reached trials of a circuit."""
+
+    to: Annotated[float, Setting("share of the weight to which it goes", "", -1.0, 1.0)]
+    step: Annotated[float, Setting("of the share after a circuit", "", 0.01, 1.0)]
+    after: Annotated[float, Setting("success from which it goes on", "", 0.0, 1.0)]
+    back: Annotated[float, Setting("success below which it goes back", "", 0.0, 1.0)]
+
+
+class BlockSupport(NamedTuple):
+    """Support in a block: share of the arm's weight, or force; a share may fade."""
+
+    share: Annotated[float | None, Setting("of the arm's weight", "", -1.0, 1.0)] = None
+    force: Annotated[float | None, Setting("in place of a share", "N", -20.0, 25.0)] = None
+    fade: Fade | None = None
+
+    def flaw(self) -> str:
+        """Return what does not fit together, empty if all does."""
+        if (self.share is None) is (self.force is None):
+            return "either share or force is wanted"
+        if self.fade is not None and self.share is None:
+            return "fade: only a share fades, no force"
+        if self.fade is not None and self.fade.back >= self.fade.after:
+            return f"fade.back = {self.fade.back:g}: must be less than after = {self.fade.after:g}"
+        return ""
+
+
+class Carried:
+    """The support that a block of a session asks for.
+
+    force: [N], NaN = it has no say.
+    """
+
+    def __init__(self, block: BlockSupport | None, weight: float):
+        """weight: of the arm [N], NaN = not weighed."""
+        self._weight = weight
+        self._block = block or BlockSupport()
+        self._share = math.nan if self._block.share is None else self._block.share
+        self._fade = self._block.fade
+        self._by_hand: tuple[float, float] | None = None
+        self.force = self._of_share if self._block.force is None else self._block.force
+
+    @property
+    def _of_share(self) -> float:
+        lowest, highest = SUPPORT_RANGE
+        return clamp(self._share * self._weight, lowest, highest)  # NaN stays NaN
+
+    def set_by_hand(self, force: float) -> None:
+        """End the fade: the support is by hand from now on, `force` [N]."""
+        if self._fade is not None or self._by_hand is not None:
+            self._by_hand = (self._by_hand[0] if self._by_hand else self.force), force
+        self._fade, self.force = None, force
+
+    def judge(self, reached: Sequence[bool]) -> tuple[float, float, str] | None:
+        """Return the support before and after a circuit [N], and why; None if it does not fade."""
+        if self._by_hand is not None:
+            (before, after), self._by_hand = self._by_hand, None
+            return before, after, "support by hand from now on"
+        if self._fade is None:
+            return None
+        fade, start, success = self._fade, self._block.share or 0.0, mean(reached)
+        goal = fade.to if success >= fade.after else start if success < fade.back else self._share
+        share, before = self._share, self.force
+        self._share = slew(share, goal, fade.step)
+        self.force = self._of_share
+        way = f"{share:.0%} to {self._share:.0%}" if self._share != share else f"still {share:.0%}"
+        why = f"{sum(reached)} of {len(reached)} were reached"
+        return before, self.force, f"support {way} of the weight, as {why}"
+
+
+def block_refusal(block: BlockSupport | None, weight: float, limit: float | None) -> str:
+    """Return why a block's support may not be asked for now, empty if it may; as in `refusal`."""
+    if block is None:
+        return ""
+    if block.share is not None and math.isnan(weight):
+        return "this protocol carries a share of the arm's weight: weigh the arm first"
+    return refusal(Carried(block, weight).force, weight, limit)
 
 
 class Support:

@@ -10,6 +10,7 @@ import math
 from types import SimpleNamespace
 
 import pytest
+import yaml
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
 from rclpy.parameter import Parameter
@@ -41,6 +42,7 @@ from screw_module_ros.nodes.therapy_session import Course
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.attendance import Attendance
 from screw_module_ros.therapy.hand import PLANE, SAFETY_OK, hand_sample
+from screw_module_ros.therapy.protocol_file import protocol_text
 from screw_module_ros.therapy.session import State
 from screw_module_ros.therapy.trial import Phase
 from screw_module_ros.therapy.wishes import WishLimits
@@ -614,6 +616,38 @@ def test_a_result_has_the_support_that_was_in_use(room):
     room.go_on(12.0)
     (result,) = room.ends.told["therapy/trial"]
     assert 6.0 < result.support < 7.0
+
+
+@pytest.fixture
+def carrying(monkeypatch):
+    """Give the first block of `evaluation` a support."""
+    content = yaml.safe_load(protocol_text("evaluation"))
+
+    def carry(support):
+        content["blocks"][0]["support"] = support
+        monkeypatch.setattr(therapy_session, "protocol_text", lambda _: yaml.safe_dump(content))
+
+    return carry
+
+
+def test_a_share_of_an_arm_that_was_not_weighed_starts_no_session(room, carrying):
+    carrying({"share": 0.5})
+    assert "weigh the arm first" in room.call("~/start", START)
+    assert room.state.state == TherapyState.IDLE
+
+
+def test_a_block_asks_for_its_support_until_somebody_does_by_hand(room, carrying):
+    carrying({"force": 6.0})
+    assert room.call("~/start", START) == ""
+    room.go_on(0.5)
+    assert (room.state.support, room.state.support_since) == (6.0, 0)
+    assert room.ask(9.0) == ""
+    room.go_on(0.5)
+    since = room.state.support_since
+    assert room.state.support == 9.0 and 0 < since < room.count
+    assert room.call("~/pause") == "" and room.call("~/resume") == ""
+    room.go_on(0.5)
+    assert (room.state.support, room.state.support_since) == (9.0, since)
 
 
 MESSAGES = 150  # three quarters of a second

@@ -28,7 +28,10 @@ def content(name="clock_adaptive"):
 
 @pytest.mark.parametrize(
     ("name", "trials"),
-    [("clock_adaptive", 1024), ("evaluation", 137), ("elevator", 688), ("reach_3d", 304)],
+    [
+        ("clock_adaptive", 1024), ("evaluation", 137), ("elevator", 688), ("reach_3d", 304),
+        ("lift", 63),
+    ],
 )
 def test_protocols_of_the_package(name, trials):
     protocol = load_protocol(name)

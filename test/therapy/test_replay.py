@@ -13,9 +13,10 @@ from screw_module_ros.therapy.gaps import gaps_of
 from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.measures import COLUMNS
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.recorded import Act
+from screw_module_ros.therapy.recorded import Act, ByHand
 from screw_module_ros.therapy.replay import replay
 from screw_module_ros.therapy.session import Session, State
+from screw_module_ros.therapy.support import BlockSupport, Fade
 
 CLOCK = load_protocol("clock_adaptive")
 SHORT = CLOCK._replace(
@@ -135,6 +136,49 @@ def test_a_pause_too_short_to_be_told_began_the_trial_anew():
     samples += simulation.run()
     results = session.results
     assert replay(SHORT, samples, acts, results).problems == []
+
+
+FADE = Fade(to=0.0, step=0.25, after=0.6, back=0.3)
+
+
+def fading(by_hand_after=None):
+    """Play a session whose support fades; by hand after so many samples."""
+    protocol = SHORT._replace(blocks=tuple(
+        block._replace(circuits=3, support=BlockSupport(share=1.0, fade=FADE))
+        for block in SHORT.blocks
+    ))  # fmt: skip
+    session = Session(protocol, weight=12.0)
+    simulation = Simulation(session, HEALTHY, 3)
+    samples, by_hand = [], []
+    if by_hand_after:
+        samples = simulation.run(by_hand_after / 200)
+        session.carried.set_by_hand(9.0)
+        by_hand.append(ByHand(samples[-1].sequence, 9.0))
+    samples += simulation.run()
+    assert session.state == State.FINISHED
+    acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, State.FINISHED, "")]
+    return protocol, samples, acts, session, by_hand
+
+
+@pytest.mark.parametrize("by_hand_after", [None, 2000])
+def test_a_fade_is_computed_again_bit_for_bit(by_hand_after):
+    protocol, samples, acts, session, by_hand = fading(by_hand_after)
+    told = []
+    again = Session(protocol, weight=12.0)
+    for sample in samples:
+        if by_hand and sample.sequence == by_hand[0].after + 1:
+            again.carried.set_by_hand(9.0)
+        outcome = again.take(sample)
+        if outcome.change is not None:
+            told.append(outcome.change.row(outcome.result["block"]))
+    assert told and again.changes == session.changes
+    found = replay(protocol, samples, acts, session.results, told, 12.0, by_hand)
+    assert found.problems == []
+    other = replay(protocol, samples, acts, session.results, told, 13.0, by_hand)
+    assert any("support" in problem for problem in other.problems)
+    reasons = [row["reason"] for row in told]
+    assert ("support by hand from now on" in reasons) is bool(by_hand)
+    assert reasons[0].startswith("support 100% to 75% of the weight, as 4 of 4 were reached")
 
 
 def test_csv_keeps_every_bit(recorded):
