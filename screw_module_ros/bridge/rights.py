@@ -24,6 +24,7 @@ SERVICES = {
     "therapy_session/pause": _TRIGGER,
     "therapy_session/resume": _TRIGGER,
     "therapy_session/abort": _TRIGGER,
+    "therapy_session/lower": _TRIGGER,
     "therapy_session/weigh": "screw_module_msgs/srv/StartTherapy",
     "therapy_session/describe_parameters": _PARAMETERS + "DescribeParameters",
     "therapy_session/get_parameters": _PARAMETERS + "GetParameters",
@@ -38,7 +39,10 @@ _STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
 ROLES = {
     PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (), CALL: ()},
     THERAPIST: {
-        SUBSCRIBE: (*_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE),
+        SUBSCRIBE: (
+            *_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE,
+            graph.CONTROLLER_STATE, graph.AMPLIFIER_STATE,
+        ),
         PUBLISH: (WISH, ATTENDANCE),
         CALL: tuple(SERVICES),
     },
@@ -50,7 +54,7 @@ KEPT = {graph.THERAPY_TRIAL: ("trial",), graph.THERAPY_ASSISTANCE: ("block", "ci
 """Topics whose messages of the running session are kept, for a page that subscribes later, with
 the fields that rise within a session."""
 LIMITS = (
-    "allow_wishes", "assistance.stiffness",
+    "allow_wishes", "assistance.stiffness", "support.force",
     "wish.half_width", "wish.half_depth", "wish.low", "wish.high", "wish.speed",
 )  # fmt: skip
 """Parameters of `therapy_session` that a therapist may read and set."""

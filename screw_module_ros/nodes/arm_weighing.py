@@ -11,7 +11,7 @@ from screw_module_msgs.srv import StartTherapy
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.arm_weights import Arms, ArmWeight, WeightsError, arms_of, keep
 from screw_module_ros.therapy.hand import SPACE, hand_sample
-from screw_module_ros.therapy.weighing import Step, Weighing, WeighingSettings, places
+from screw_module_ros.therapy.weighing import Weighing, WeighingSettings, places
 from screw_module_ros.therapy.wishes import WishLimits
 
 from .support.answering import Done
@@ -47,7 +47,7 @@ class ArmWeighing:
     @property
     def is_on(self) -> bool:
         """Whether an arm is being weighed."""
-        return self.dialogue is not None and self.dialogue.step != Step.OVER
+        return self.dialogue is not None and self.dialogue.is_on
 
     @property
     def support(self) -> float:

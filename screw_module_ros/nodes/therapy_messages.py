@@ -71,11 +71,11 @@ def fill_state(
         message.since = (sample.time_ns - start_ns) * 1e-9
 
 
-def result_message(result: Row, patient: str, protocol: str) -> TrialResult:
-    """Return a trial's result as a message, without header."""
+def result_message(result: Row, patient: str, protocol: str, side: str = "") -> TrialResult:
+    """Return a trial's result as a message, without header; side: of the arm."""
     values = {name: result[name] for name in COLUMNS}
     message = TrialResult(
-        patient=patient, protocol=protocol, jerk_cutoff=JERK_CUTOFF,
+        patient=patient, protocol=protocol, side=side, jerk_cutoff=JERK_CUTOFF,
         effort=math.nan, work_area=math.nan, **values
     )
     _fill_points(message, result["start"], result["target"])

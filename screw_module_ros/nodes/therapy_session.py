@@ -311,7 +311,8 @@ class TherapySessionNode(Node):
         name, (result, change) = session.protocol.name, outcome
         if result is None:
             return
-        self._tell(self._publish_result, result_message(result, self.course.patient, name))
+        message = result_message(result, self.course.patient, name, self.course.state.side)
+        self._tell(self._publish_result, message)
         if change is not None:
             message = change_message(change, self.course.patient, name, result["block"])
             self._tell(self._publish_change, message)

@@ -3,7 +3,7 @@
 
 ::
 
-    EMPTY -> STRAP -> HANG near, far, high -> BACK -> OVER
+    empty -> strap -> near -> far -> high -> back
                         `-- a guard refuses --^
 
 The handle's transducer bears what hangs on the handle, and friction lies behind it, so that any law
@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
-from enum import Enum, auto
+from collections.abc import Generator, Sequence
+from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from ..control.limits import clamp
@@ -65,16 +65,6 @@ class Hanging(NamedTuple):
     spread: float
 
 
-class Step(Enum):
-    """Steps of the dialogue."""
-
-    EMPTY = auto()
-    STRAP = auto()
-    HANG = auto()
-    BACK = auto()
-    OVER = auto()
-
-
 def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
     """Return where the arm is weighed [m]: near, far, high, within the ranges of x, y, z [m]."""
     _, (_, depth), (low, high) = ranges
@@ -85,8 +75,8 @@ def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
 class Weighing:
     """One dialogue, from the empty cradle to a weight, or to the sentence that refuses it.
 
-    step: of the dialogue; wish: requested slots; support: requested, upward [N]; told: what it
-    waits for or has found, a sentence; result: None before the end, and when it was refused.
+    is_on: it goes on; wish: requested slots; support: requested, upward [N]; told: what it waits
+    for or has found, a sentence; result: None before the end, and when it was refused.
     """
 
     def __init__(self, where: Sequence[Point], cradle: float = 0.0):
@@ -94,63 +84,50 @@ class Weighing:
 
         where: the arm is weighed, in the order of `PLACES` [m]; cradle: see `WeighingSettings` [N].
         """
-        self.step = Step.EMPTY
-        self.wish = NO_SLOT
-        self.support = 0.0
+        self.is_on, self.wish, self.support = True, NO_SLOT, 0.0
         self.told = "keep off the handle: the empty cradle is measured"
         self.result: Hanging | None = None
         self._where, self._cradle = where, cradle
-        self._samples: list[HandSample] = []  # of the cradle, or of the arm at its place
+        self._waits = False  # for the arm to be strapped in
+        self._left = ""  # why the hanging arm is brought back before the end
         self._zero: Point = (0.0, 0.0, 0.0)
-        self._zero_ns = self._since_ns = 0
-        self._goes_on = False
-        self._origin: Point = (0.0, 0.0, 0.0)
-        self._found: list[float] = []
-        self._end = ""
+        self._course = self._dialogue()
+        next(self._course)
 
     def press(self) -> None:
         """Go on once the arm is strapped in; while something is measured, end it."""
-        if self.step == Step.STRAP:
-            self._goes_on = True
+        if self._waits:
+            self._waits = False
         else:
             self.leave("not weighed: the therapist ended it")
 
     def leave(self, told: str) -> None:
         """End it, and bring back an arm that hangs."""
-        if self.step == Step.HANG:
-            self._back(self._samples[-1], told)
-        elif self.step != Step.BACK:
+        self._left = self._left or told
+        if self.wish is NO_SLOT:
             self.stop(told)
 
     def stop(self, told: str) -> None:
         """End it at once, without slots and support."""
-        if self.step != Step.OVER:
-            self.step, self.wish, self.support, self.told = Step.OVER, NO_SLOT, 0.0, told
+        if self.is_on:
+            self.is_on, self.wish, self.support, self.told = False, NO_SLOT, 0.0, told
 
     def take(self, sample: HandSample) -> None:
         """Process one sample; one with `stop` ends it as soon as the robot holds the arm."""
-        if self.step == Step.OVER:
+        if not self.is_on:
             return
         if not plausible(SPACE, sample) or not all(map(math.isfinite, sample.force)):
             self.stop("not weighed: where the hand is, its speed or its force is not known")
-        elif self.step == Step.EMPTY:
-            self._empty(sample)
-        elif self.step == Step.STRAP:
-            if self._goes_on:
-                self._begin(sample)
-        elif sample.stop:
+        elif sample.stop and self.wish is not NO_SLOT:
             self.stop(f"not weighed: {sample.stop}")
-        elif self.step == Step.HANG:
-            self._hang(sample)
-        elif self._passed(sample) >= _WAY + _SETTLE:
-            self.stop(self._end)
+        else:
+            with suppress(StopIteration):
+                self._course.send(sample)
 
-    def _empty(self, sample: HandSample) -> None:
-        self._samples.append(sample)
-        if (sample.time_ns - self._samples[0].time_ns) * _NS < _EMPTY:
-            return
-        force, varies = _force_of(self._samples)
-        shown = math.hypot(*force)
+    def _dialogue(self) -> Generator[None, HandSample, None]:
+        samples = yield from self._during(_EMPTY)
+        self._zero, varies = _force_of(samples)
+        shown, zero_ns = math.hypot(*self._zero), samples[-1].time_ns
         if shown > _ZERO or varies > _VARIES:
             self.stop(
                 f"not weighed: the empty cradle shows {shown:.1f} N ({_ZERO:g} N at most), varying "
@@ -158,74 +135,61 @@ class Weighing:
                 "that stays, tare the force sensor with the torque off; then weigh again"
             )
             return
-        self.step, self._zero, self._zero_ns = Step.STRAP, force, sample.time_ns
         self.told = "strap the arm in and lay it down, then press again and let it hang"
-
-    def _begin(self, sample: HandSample) -> None:
-        age = (sample.time_ns - self._zero_ns) * _NS
+        strapped = yield from self._strapped()
+        age = (strapped.time_ns - zero_ns) * _NS
         if age > _OLDEST:
             self.stop(
                 f"not weighed: the empty cradle was measured {age / 60.0:.0f} min ago "
                 f"({_OLDEST / 60.0:g} min at most): take the arm out, then weigh again"
             )
-        elif sample.stop:
-            self._goes_on = False
+            return
+        last, end = yield from self._hung(strapped)
+        self.told = f"{end}; the arm is brought back"
+        self._guide(last, strapped.position)
+        while ((yield).time_ns - last.time_ns) * _NS < _WAY + _SETTLE:
+            pass
+        self.stop(end)
+
+    def _strapped(self) -> Generator[None, HandSample, HandSample]:
+        """Wait for the therapist, and until the robot can hold the arm; return that sample."""
+        self._waits = True
+        while True:
+            sample = yield
+            if self._waits:
+                continue
+            if not sample.stop:
+                return sample
+            self._waits = True
             self.told = f"the robot cannot hold the arm: {sample.stop}; mend that, then press again"
-        else:
-            self._origin = sample.position
-            self._to_next(sample)
 
-    def _to_next(self, sample: HandSample) -> None:
-        at = len(self._found)
-        self.step = Step.HANG
-        self.told = f"let it hang: {PLACES[at]}, {at + 1} of {len(self._where)}"
-        self._guide(sample, self._where[at])
+    def _hung(self, last: HandSample) -> Generator[None, HandSample, tuple[HandSample, str]]:
+        """Weigh at all places; return the last sample, and what has come out, a sentence."""
+        found: list[float] = []
+        for name, place in zip(PLACES, self._where, strict=True):
+            self.told = f"let it hang: {name}, {len(found) + 1} of {len(PLACES)}"
+            self._guide(last, place)
+            yield from self._during(_WAY + _SETTLE)
+            samples = yield from self._during(_HANG)
+            last, (force, _) = samples[-1], _force_of(samples)
+            if self._left:
+                return last, self._left
+            if flaw := self._flaw(samples, name, place):
+                return last, f"not weighed: {flaw}, then weigh again"
+            found.append(self._zero[2] - force[2] - self._cradle)
+            self.support = clamp(statistics.fmean(found), 0.0, _HEAVIEST)
+        return last, self._weighed(found)
 
-    def _back(self, sample: HandSample, end: str) -> None:
-        """Lead the arm to where it was strapped in; end: what is told of it all."""
-        self.step, self.told, self._end = Step.BACK, f"{end}; the arm is brought back", end
-        self._guide(sample, self._origin)
-
-    def _guide(self, sample: HandSample, to: Point) -> None:
-        self._since_ns, self._samples = sample.time_ns, [sample]
-        x, y, z = sample.position
-        held = self.wish.vertical
-        if held is not None and held.target_x == to[2]:
-            z = held.start_x  # the same slot goes on, and does not fade
-        self.wish = slots(Line((x, y, z), to, SPACE), _GUIDE, sample.time_ns)
-
-    def _hang(self, sample: HandSample) -> None:
-        settled = self._passed(sample) - _WAY - _SETTLE
-        if settled < 0.0:
-            self._samples = [sample]
-            return
-        self._samples.append(sample)
-        if settled < _HANG:
-            return
-        force, varies = _force_of(self._samples)
-        if flaw := self._flaw(sample, force, varies):
-            self._back(sample, f"not weighed: {flaw}, then weigh again")
-            return
-        self._found.append(self._zero[2] - force[2] - self._cradle)
-        self.support = clamp(statistics.fmean(self._found), 0.0, _HEAVIEST)
-        if len(self._found) < len(self._where):
-            self._to_next(sample)
-        else:
-            self._back(sample, self._weighed())
-
-    def _flaw(self, sample: HandSample, force: Point, varies: float) -> str:
-        """Return why what hung there is not the arm's weight alone, and what to do; else nothing.
-
-        force: mean; varies: standard deviation of the vertical one [N].
-        """
-        at, samples = len(self._found), self._samples
-        away, speed = distance(SPACE, sample.position, self._where[at]), _speed(samples)
+    def _flaw(self, samples: Sequence[HandSample], name: str, place: Point) -> str:
+        """Return why what hung there is not the arm's weight, and what to do; else nothing."""
+        force, varies = _force_of(samples)
+        away, speed = distance(SPACE, samples[-1].position, place), _speed(samples)
         pull = max(abs(force[axis] - self._zero[axis]) for axis in (0, 1))
         guards = (
             (len(samples) < _LEAST * _HANG,
              f"{len(samples)} samples in {_HANG:g} s ({_LEAST * _HANG:g} at least): wait a moment"),
             (away > _REACH,
-             f"the hand is {away * 1e3:.0f} mm from the place {PLACES[at]} ({_REACH * 1e3:g} mm at "
+             f"the hand is {away * 1e3:.0f} mm from the place {name} ({_REACH * 1e3:g} mm at "
              "most): free its way, and choose a mode other than 0"),
             (varies >= _VARIES,
              f"the weight varies by {varies:.1f} N ({_VARIES:g} N at most), he helps or trembles: "
@@ -238,9 +202,9 @@ class Weighing:
         )  # fmt: skip
         return next((sentence for is_bad, sentence in guards if is_bad), "")
 
-    def _weighed(self) -> str:
-        """Keep the result; return what is told of it."""
-        weight, spread = statistics.fmean(self._found), max(self._found) - min(self._found)
+    def _weighed(self, found: Sequence[float]) -> str:
+        """Keep the result of all places [N]; return what is told of it."""
+        weight, spread = statistics.fmean(found), max(found) - min(found)
         if not _LIGHTEST <= weight <= _HEAVIEST:
             return (
                 f"not weighed: {weight:.1f} N hang on the handle (from {_LIGHTEST:g} to "
@@ -251,8 +215,19 @@ class Weighing:
         differs = f"; heavier far out: support the mean, expect ±{0.5 * spread:.1f} N"
         return f"the arm weighs {weight:.1f} N{differs if spread >= _DIFFERS else ''}"
 
-    def _passed(self, sample: HandSample) -> float:
-        return (sample.time_ns - self._since_ns) * _NS
+    def _guide(self, sample: HandSample, to: Point) -> None:
+        x, y, z = sample.position
+        held = self.wish.vertical
+        if held is not None and held.target_x == to[2]:
+            z = held.start_x  # the same slot goes on, and does not fade
+        self.wish = slots(Line((x, y, z), to, SPACE), _GUIDE, sample.time_ns)
+
+    def _during(self, time: float) -> Generator[None, HandSample, list[HandSample]]:
+        """Return the samples of a time [s], or until the arm is to be brought back."""
+        samples = [(yield)]
+        while (samples[-1].time_ns - samples[0].time_ns) * _NS < time and not self._left:
+            samples.append((yield))
+        return samples
 
 
 def _force_of(samples: Sequence[HandSample]) -> tuple[Point, float]:

@@ -22,30 +22,35 @@ class Hand:
     """The hand on the rig's handle; the `Hand` of `bring_up`.
 
     The robot starts with nut and arm at their reference marks: they stay there while nobody holds
-    the handle. takes: changes of the arm that takes hold of it, in order.
+    the handle. takes: changes of the arm that takes hold of it, in order. holds: whether it does,
+    None before the first.
     """
 
     at_rest = True
 
     def __init__(self, robot: Robot, *takes: SetArm.Request):
         self._robot, self._takes = robot, takes
-        self._holds: bool | None = None
+        self.holds: bool | None = None
 
     def let_go(self) -> None:
         """Leave the handle alone."""
-        if self._holds is not False:
+        if self.holds is not False:
             self._robot.set_fixture("free")
-            self._holds = False
+            self.holds = False
 
     to_mark = plane_to_mark = let_go
 
     def take_hold(self) -> None:
         """Put the hand on the handle."""
-        if not self._holds:
+        if not self.holds:
             self._robot.set_fixture("human_arm")
             for change in self._takes:
                 self._robot.set_arm(change)
-            self._holds = True
+            self.holds = True
+
+    def change(self) -> None:
+        """Let the handle go, or take hold of it again."""
+        (self.let_go if self.holds else self.take_hold)()
 
 
 # Centre-out reach of MANUS therapy ----------------------------------------------------------------

@@ -31,6 +31,7 @@ _FORCE_GAIN = 5.0
 _STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], [Ns/m]
 _CENTRE, _TO_CENTRE_S = (0.0, 0.0, 0.18), 0.5
 _LOOK_S = 0.05
+_BRAKES = "-p", "amplifier:stop_reaction:=brake"  # else no more than 8 N of an arm may be carried
 HEALTHY = "healthy"
 
 
@@ -75,7 +76,7 @@ def therapy(
     file_games: bool, folder: Path | None, node_logs: bool,
 ) -> None:  # fmt: skip
     """Run a therapy session on the simulated robot, in the browser."""
-    extra = [] if node_logs else ["--disable-stdout-logs"]
+    extra = [*_BRAKES, *([] if node_logs else ["--disable-stdout-logs"])]
     if folder is not None:
         extra += recordings_in(folder)
     nodes = GraphRun(extra=extra, shared=WHOLE)
@@ -108,12 +109,14 @@ def token_file(graph: GraphRun) -> Path:
 def serve(
     robot: Robot, takes: SetArm.Request, port: int, tokens: Tokens, console: Console
 ) -> None:
-    """Bring the robot up, print the addresses, and reset a stop at Enter, until Ctrl-C.
+    """Bring the robot up and print the addresses, until Ctrl-C; Enter resets a stop, or lets go.
 
     takes: who takes hold of the handle.
     """
     hand = make_ready(robot, console, takes)
     click.echo("Open in a browser; Ctrl-C here ends everything.")
+    if sys.stdin.isatty():
+        click.echo("Enter: the patient lets go of the handle, as for weighing, or takes hold.")
     for role, token in tokens._asdict().items():
         click.echo(f"  {role:9}  http://127.0.0.1:{port}/{role}#token={token}")
     told = False
@@ -128,6 +131,9 @@ def serve(
                 with console.step("torque on again"):
                     bring_up(robot, ForceCommand.FORCE_FEEDBACK, hand)
                 told = False
+        elif _enter():
+            hand.change()
+            console.show(f"The patient {'holds' if hand.holds else 'has let go'} the handle.")
         robot.pause(_LOOK_S)
 
 

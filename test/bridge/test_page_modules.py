@@ -462,6 +462,100 @@ def test_a_recording_is_stopped_only_where_there_is_one(result_of, state, record
     """) == [True, can_stop]
 
 
+SUPPORT = PLAYED_DOCUMENT + """
+    const { SupportCard } = await import("./js/therapist/support.js");
+    const calls = [];
+    const card = new SupportCard(async (service, args) => {
+      calls.push([service, args]);
+      return answer;
+    }, () => ({ patient: "P-22222", side: "left" }));
+    let answer = { success: true, message: "keep off the handle" };
+    const axis = { support: 9, support_limit: 25, hand_off: false };
+    const state = { state: 0, support: 9, arm: "", arm_weight: 18, arm_spread: 1 };
+"""
+
+
+@pytest.mark.parametrize(("weight", "limit", "brakes", "told"), [
+    ("18", 25, True, [20, "the arm's weight and 2 N"]),
+    ("null", 25, True, [15, "the arm is not weighed"]),
+    ("18", 0, True, [0, "this mode feeds no force back: choose mode 3, 4 or 5"]),
+    ("18", 8, False, [8, "at a stop the drive coasts, so the arm falls"]),
+    ("24", 25, True, [25, "the robot carries no more"]),
+])  # fmt: skip
+def test_the_limit_of_the_support_has_its_reason(result_of, weight, limit, brakes, told):
+    assert result_of(f"""
+        const {{ supportLimit }} = await import("./js/words.js");
+        const drive = {{ brakes: {str(brakes).lower()} }};
+        const result = supportLimit({weight}, {{ support_limit: {limit} }}, drive);
+    """) == told
+
+
+def test_the_support_is_set_in_steps_of_the_weight(result_of):
+    """The node refuses what is beyond a bound, and its sentence stays until the next act."""
+    assert result_of(SUPPORT + """
+        card.show(state, axis, { brakes: true });
+        const bounds = [card.input.step, card.input.max, card.shown.textContent];
+        answer = { results: [{ successful: false, reason: "the arm weighs 18.0 N" }] };
+        await card.set(25);
+        card.show(state, axis, { brakes: true });
+        const result = [bounds, card.told.textContent, card.input.value, calls[0][1].parameters[0]];
+    """) == [
+        [0.9, 20.001, "9.0 N, 50 %"], "the arm weighs 18.0 N", 9,
+        {"name": "support.force", "value": {"type": 3, "double_value": 25}},
+    ]  # fmt: skip
+
+
+def test_a_slider_that_is_held_is_not_moved_under_the_hand(result_of):
+    assert result_of(SUPPORT + """
+        card.show(state, axis, null);
+        card.input.value = 13.5;
+        card.input.oninput();
+        card.show({ ...state, support: 8.1 }, axis, null);
+        const held = [card.input.value, card.shown.textContent];
+        answer = { results: [{ successful: true, reason: "" }] };
+        await card.set(13.5);
+        card.show({ ...state, support: 13.5 }, axis, null);
+        const result = [held, card.input.value];
+    """) == [[13.5, "13.5 N, 75 %"], 13.5]
+
+
+def test_what_the_dialogue_waits_for_is_told_and_it_knows_whose_arm_it_is(result_of):
+    assert result_of(SUPPORT + """
+        await card.ask("therapy_session/weigh", card.whose());
+        card.show({ ...state, arm: "strap the arm in" }, axis, null);
+        const told = card.arm.textContent;
+        card.show({ ...state, state: 2 }, axis, null);
+        const off = [card.weigh.disabled, card.lower.disabled];
+        card.show({ ...state, state: 1 }, axis, null);
+        const result = [calls, told, card.arm.textContent, ...off, card.lower.disabled];
+    """) == [
+        [["therapy_session/weigh", {"patient": "P-22222", "side": "left"}]], "Strap the arm in.",
+        "The arm weighs 18.0 N; its places differ by 1.0 N.", True, False, True,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("axis", "told"), [
+    ("null", "The vertical axis is silent."),
+    ("{ ...axis, hand_off: true }", "The hand has left the handle: the support is away until it"),
+    ("axis", "In use 9.0 N, at most 20.0 N: the arm's weight and 2 N."),
+])  # fmt: skip
+def test_what_is_in_use_is_told(result_of, axis, told):
+    found = result_of(SUPPORT + f"""
+        card.show(state, {axis}, {{ brakes: true }});
+        const result = card.use.textContent;
+    """)
+    assert found.startswith(told)
+
+
+def test_the_form_shows_whose_arm_the_session_is_for(result_of):
+    assert result_of(FORM + """
+        card.show({ state: 1, patient: "P-22222", side: "right", protocol: "a" });
+        const running = [card.whose(), card.side.disabled];
+        card.show({ state: 3, patient: "P-22222", side: "right", protocol: "a" });
+        const result = [running, card.whose().side, card.side.disabled];
+    """) == [[{"patient": "P-22222", "side": "right"}, True], "", False]
+
+
 def test_the_reason_of_a_refused_limit_stays(result_of):
     assert result_of(PLAYED_DOCUMENT + """
         const { LimitsCard } = await import("./js/therapist/limits.js");

@@ -28,6 +28,8 @@ class PlayedRobot(FakeGateway):
         super().__init__()
         self.values = {robot: dict(VALUES) for robot in robots}
         self.robots, self.at, self.hand = robots, 0, None
+        self.axis = {"support": 0.0, "support_limit": 25.0, "hand_off": False}
+        self.brakes = True
 
     async def call(self, service, arguments):
         self.calls.append((service, arguments))
@@ -62,12 +64,15 @@ class PlayedRobot(FakeGateway):
                 "valid": [True] * 3, "enabled": [True] * 2, "safety": 0,
             })  # fmt: skip
             self.tell(f"{above}/safety_state", {"level": 0, "reasons": []})
+            self.tell(f"{above}/screw/controller_state", self.axis)
+            self.tell(f"{above}/screw/amplifier_state", {"brakes": self.brakes})
             self.tell(f"{above}/therapy/state", {
                 "state": 0, "reason": "", "patient": "P-7K3QX", "protocol": "", "trial": 0,
                 "trials": 0, "circuit": 1, "block": "", "kind": "reach", "assisted": True,
                 "phase": 0, "start": {"x": 0, "y": 0, "z": 0.18},
                 "target": {"x": 0, "y": 0.14, "z": 0.18}, "hit_radius": 0.01, "since": None,
-                "duration": 1.4, "side_stiffness": 100.0, **state,
+                "duration": 1.4, "side_stiffness": 100.0, "side": "", "support": 0.0, "arm": "",
+                "arm_weight": None, "arm_spread": 0.0, **state,
             })  # fmt: skip
 
     def finish(self, trial):
@@ -337,10 +342,46 @@ def test_two_robots_on_one_page(therapist, open_page, wait_until):
     given.until_shown(screen, "shown", "vertical")
 
 
+def test_the_arm_is_weighed_supported_and_lowered(therapist):
+    given, page = therapist()
+    page.get_by_label("Pseudonym of the patient").fill("P-7K3QX")
+    page.get_by_label("Arm", exact=True).select_option("left")
+    page.get_by_role("button", name="Weigh the arm").click()
+    given.until_text(page, "Strap the arm in", arm="strap the arm in and lay it down")
+    given.until_text(page, "at most 15.0 N: the arm is not weighed")
+    given.robot.axis = {"support": 9.2, "support_limit": 25.0, "hand_off": False}
+    given.until_text(
+        page, "In use 9.2 N, at most 20.4 N", arm="", arm_weight=18.4, arm_spread=1.2
+    )
+    slider = page.get_by_label("Support of the arm")
+    slider.fill("11.04")
+    given.until(page, "document.body.innerText.includes('11.0 N, 60 %')")
+    page.get_by_role("button", name="Lower the arm").click()
+    calls = given.robot.calls
+    given.until(page, "true", lambda: calls[-1][0].endswith("lower") or page.wait_for_timeout(50))
+    asked = {"patient": "P-7K3QX", "side": "left"}
+    assert [call for call in calls if "weigh" in call[0]] == [("/therapy_session/weigh", asked)]
+    assert given.robot.values["/"]["support.force"] == pytest.approx(11.04)
+    assert ("/therapy_session/lower", {}) in calls
+
+
+@pytest.mark.parametrize(("brakes", "told"), [
+    (True, "the arm sinks, then falls"), (False, "the arm falls"),
+])  # fmt: skip
+def test_each_button_says_what_happens_to_the_arm(therapist, brakes, told):
+    given, page = therapist()
+    given.robot.brakes = brakes
+    given.until_text(page, f"torque off: {told}")
+    pause = page.get_by_role("button", name="Pause")
+    assert "walls go, the arm stays carried" in pause.inner_text()
+    lower = page.get_by_role("button", name="Lower the arm")
+    assert "slowly down, then let go" in lower.inner_text()
+
+
 def test_limits_are_set_within_the_nodes_bounds(therapist):
     given, page = therapist()
     slider = page.get_by_label("Workspace, greatest height")
-    given.until(page, "document.querySelectorAll('.limit').length === 6")
+    given.until(page, "document.querySelectorAll('.limits .limit').length === 6")
     assert slider.get_attribute("max") == "0.36"
     slider.fill("0.252")
     given.until_text(page, "Workspace, greatest height: set.")

@@ -71,7 +71,8 @@ def test_no_page_switches_on_or_releases(name):
 
 def test_the_therapist_calls_what_the_page_offers():
     rights = Rights(["/"])
-    for name in ("therapy_session/start", "therapy_session/abort", "supervisor/estop"):
+    for name in ("therapy_session/start", "therapy_session/abort", "therapy_session/weigh",
+                 "therapy_session/lower", "supervisor/estop"):  # fmt: skip
         assert rights.may(THERAPIST, CALL, f"/{name}").name == name
     names = {"names": list(LIMITS)}
     assert rights.may(THERAPIST, CALL, "/therapy_session/get_parameters", arguments=names)
@@ -90,6 +91,16 @@ def test_other_parameters_are_out_of_reach(arguments):
         Rights(["/"]).may(
             THERAPIST, CALL, "/therapy_session/set_parameters", arguments=arguments
         )
+
+
+@pytest.mark.parametrize("name", ["therapy_session/weigh", "therapy_session/lower",
+                                  "therapy_session/set_parameters"])  # fmt: skip
+def test_a_patients_token_reaches_nothing_of_the_support(name):
+    with pytest.raises(Denied):
+        Rights(["/"], wishes=True).may(PATIENT, CALL, name)
+    for topic in ("screw/controller_state", "screw/amplifier_state"):
+        with pytest.raises(Denied):
+            Rights(["/"]).may(PATIENT, SUBSCRIBE, topic)
 
 
 def test_each_robot_has_its_names():

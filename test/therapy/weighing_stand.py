@@ -37,7 +37,7 @@ from screw_module_ros.plant.patient import (
 from screw_module_ros.plant.settings import WorldSettings
 from screw_module_ros.plant.vertical import vertical_step as module_step
 from screw_module_ros.therapy.hand import HandSample
-from screw_module_ros.therapy.weighing import Step, Weighing, places
+from screw_module_ros.therapy.weighing import Weighing, places
 from screw_module_ros.therapy.wishes import WishLimits
 
 SUBSTEP, PERIOD, TICKS = 50e-6, 1e-3, 5
@@ -132,7 +132,7 @@ class Stand:
     def run(self, until=lambda weighing: False, longest=90.0) -> Weighing:
         """Weigh until it is over, until a condition, or for a time [s]."""
         end = self.now + longest
-        while self.weighing.step != Step.OVER and not until(self.weighing) and self.now < end:
+        while self.weighing.is_on and not until(self.weighing) and self.now < end:
             self.step()
         return self.weighing
 
@@ -166,7 +166,7 @@ class Stand:
             self.rest_at = self.state.module.handle  # the node moves the set point to the hand
         if self.weighing.told not in self.told:
             self.told.append(self.weighing.told)
-        if self.weighing.step == Step.HANG and len(self.told) == places_done:
+        if "let it hang: " in self.weighing.told and len(self.told) == places_done:
             self.hung.append(-self.state.module.patient_force)
 
     def sample(self) -> HandSample:
@@ -184,7 +184,7 @@ class Stand:
 def weighed(world: WorldSettings, arm: HumanArm, mode: int = FORCE_FEEDBACK, **more) -> Stand:
     """Return the stand after the whole dialogue."""
     stand = Stand(world, arm, mode, **more)
-    stand.run(lambda weighing: weighing.step == Step.STRAP)
+    stand.run(lambda weighing: weighing.told.startswith("strap"))
     stand.strap_in()
     stand.run()
     return stand

@@ -66,3 +66,7 @@ def test_the_hand_lets_go_once_and_takes_hold_once():
     for act in (hand.to_mark, hand.let_go, hand.plane_to_mark, hand.take_hold, hand.take_hold):
         act()
     assert fixtures == ["free", "human_arm", "weak", 0.18]
+    hand.change()
+    assert fixtures[4:] == ["free"] and not hand.holds
+    hand.change()
+    assert fixtures[5:] == ["human_arm", "weak", 0.18] and hand.holds

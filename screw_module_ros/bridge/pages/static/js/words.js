@@ -99,10 +99,13 @@ export const PAGE = {
   stopped: "The software stop was carried out. What to do now stands beside its button.",
   session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
   protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
-  pause: "Pause", resume: "Resume", end: "End session", save: "Stop recording",
+  armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
+  pause: "Pause", pauses: "walls go, the arm stays carried", resume: "Resume", end: "End session", save: "Stop recording",
   write: "Write down, elsewhere, whose pseudonym this is.",
   uncounted: "sessions not known",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
+  support: "Support of the arm", carried: "Carried by the robot", weigh: "Weigh the arm",
+  lower: "Lower the arm", lowers: "slowly down, then let go",
   limits: "Limits", unknown: "Not known yet.",
   hand: "Hand [cm] (arrow: its force)", above: "From above: far is up",
   side: "From the side: far is right", traces: "Traces, time [s]",
@@ -117,6 +120,50 @@ export const LIMITS = {
   "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
   "wish.high": "Workspace, greatest height", "wish.speed": "Greatest speed of games",
 };
+
+// The support of the arm ----------------------------------------------------------------------
+
+const UNWEIGHED = 15, OVER = 2; // [N] without a weight, and beyond it: bounds of the session's node
+
+function newtons(force) {
+  return `${force.toFixed(1)} N`;
+}
+
+// The largest support [N] and why it is no more. weight: of the arm [N], null if it is not known.
+export function supportLimit(weight, controller, drive) {
+  const limits = [weight === null
+    ? [UNWEIGHED, "the arm is not weighed"] : [weight + OVER, `the arm's weight and ${OVER} N`]];
+  if (controller) {
+    const reason = controller.support_limit === 0 ? "this mode feeds no force back: choose mode 3, 4 or 5"
+      : drive && !drive.brakes ? "at a stop the drive coasts, so the arm falls" : "the robot carries no more";
+    limits.push([controller.support_limit, reason]);
+  }
+  return limits.reduce((least, each) => (each[0] < least[0] ? each : least));
+}
+
+// How much is carried, also as a share of the weight.
+export function supportShare(force, weight) {
+  return weight ? `${newtons(force)}, ${Math.round((100 * force) / weight)} %` : newtons(force);
+}
+
+export function supportSentence(controller, most, reason) {
+  if (!controller) return "The vertical axis is silent.";
+  if (controller.hand_off) return "The hand has left the handle: the support is away until it is back.";
+  return `In use ${newtons(controller.support)}, at most ${newtons(most)}: ${reason}.`;
+}
+
+// What the arm weighs, and what the dialogue that weighs it waits for or has found.
+export function armSentence(state) {
+  if (!state) return "";
+  const { arm, arm_weight: weight, arm_spread: spread } = state;
+  if (arm) return `${arm[0].toUpperCase()}${arm.slice(1)}.`;
+  return weight === null ? "The arm is not weighed." : `The arm weighs ${newtons(weight)}; its places differ by ${newtons(spread)}.`;
+}
+
+// What the software stop does to the arm.
+export function stopSays(drive) {
+  return drive?.brakes ? "torque off: the arm sinks, then falls" : "torque off: the arm falls";
+}
 
 export function robotTitle(robot) {
   return `Robot ${robot.slice(1)}`;

@@ -4,12 +4,13 @@
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
 import {
-  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed,
+  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays,
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
 import { MovementsCard } from "./movements.js";
 import { SessionCard } from "./session.js";
+import { SupportCard } from "./support.js";
 
 const SILENT_MS = 3000;
 const LIMITS_MS = 5000; // another therapist's page may set them
@@ -30,8 +31,9 @@ export class RobotPanel {
     this.badge = el("p", { className: "badge" });
     this.reasons = el("p", { className: "reasons", role: "status" });
     this.stop = el("button", { type: "button", className: "stop", onclick: () => this.softwareStop() },
-      PAGE.stop, el("small", {}, PAGE.notEmergency));
+      PAGE.stop, el("small", {}, PAGE.notEmergency), this.stops = el("small"));
     this.session = new SessionCard(config.protocols, call);
+    this.support = new SupportCard(call, () => this.session.whose());
     this.limits = new LimitsCard(call, (values) => { this.allowed = values; });
     this.views = new Views();
     this.traces = new Traces();
@@ -40,13 +42,15 @@ export class RobotPanel {
       el("section", { className: "card top" },
         el("div", { className: "about" }, ...(config.robots.length > 1 ? [el("h2", {}, robotTitle(robot))] : []),
           this.badge, this.sentence, this.reasons), this.stop),
-      column(this.session, this.limits), column(this.views, this.traces), column(this.movements));
+      column(this.session, this.limits), column(this.views, this.traces), column(this.support, this.movements));
     this.hear("endpoint_state", (message) => {
       this.views.take(message);
       this.traces.take(message);
     });
     this.hear("therapy/state", (message) => this.movements.follow(message));
     this.hear("safety_state");
+    this.hear("screw/controller_state");
+    this.hear("screw/amplifier_state");
     this.hear("therapy/trial", (message) => this.movements.take(message));
     this.hear("therapy/assistance", (message) => this.movements.takeChange(message));
     this.drawn = this.viewed = this.refreshed = 0;
@@ -94,6 +98,9 @@ export class RobotPanel {
     const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
     // Drawn with the sentences, whichever topic came last: no button contradicts what they say.
     this.session.show(this.heard["therapy/state"]?.message, this.isStopped());
+    const drive = this.newest("screw/amplifier_state");
+    this.support.show(state, this.newest("screw/controller_state"), drive);
+    say(this.stops, stopSays(drive));
     say(this.sentence, sessionSentence(state, this.protocols));
     const safety = this.newest("safety_state");
     const [word, kind] = badge(state, safety);

@@ -46,17 +46,21 @@ export class SessionCard {
     this.again = el("button", { type: "button", hidden: true, onclick: () => this.sameAgain() });
     this.protocol = el("select", { ariaLabel: PAGE.protocol }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
+    this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
+      ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
     this.start = el("button", { type: "submit", className: "primary" }, PAGE.start);
     this.counted = el("span", { className: "counted", role: "status" });
     this.pause = this.button(PAGE.pause, "therapy_session/pause");
+    this.pause.append(el("small", {}, PAGE.pauses));
     this.resume = this.button(PAGE.resume, "therapy_session/resume");
     this.end = this.button(PAGE.end, "therapy_session/abort");
     this.save = this.button(PAGE.save, "session_recorder/stop");
     this.told = el("p", { className: "told", role: "status" });
     const form = el("form", { onsubmit: (event) => this.submit(event) },
       el("div", { className: "row" },
-        el("label", {}, PAGE.pseudonym, this.patient), this.new, this.again,
+        el("label", {}, PAGE.pseudonym, this.patient), el("label", {}, PAGE.armSide, this.side), this.new,
+        this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, PAGE.record), this.start, this.counted,
@@ -103,8 +107,13 @@ export class SessionCard {
       this.tell(PAGE.wanted);
       return;
     }
-    const [patient, protocol] = [this.patient.value, this.protocol.value];
-    this.ask("therapy_session/start", { patient, protocol, record: this.record.checked });
+    const [protocol, record] = [this.protocol.value, this.record.checked];
+    this.ask("therapy_session/start", { ...this.whose(), protocol, record });
+  }
+
+  // Whose arm it is.
+  whose() {
+    return { patient: this.patient.value, side: this.side.value };
   }
 
   async ask(service, args = {}) {
@@ -130,7 +139,7 @@ export class SessionCard {
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
-    for (const each of [this.patient, this.new, this.protocol, this.record]) each.disabled = isOn;
+    for (const each of [this.patient, this.new, this.side, this.protocol, this.record]) each.disabled = isOn;
     this.start.disabled = isOn || isStopped;
     this.pause.disabled = now !== RUNNING && now !== STARTING;
     this.resume.disabled = now !== PAUSED || isStopped;
@@ -139,8 +148,9 @@ export class SessionCard {
   }
 
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
-  take({ patient, protocol, state, recorded }) {
+  take({ patient, side, protocol, state, recorded }) {
     this.patient.value = this.last = patient;
+    this.side.value = side ?? "";
     say(this.counted, "");
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
@@ -151,6 +161,7 @@ export class SessionCard {
   // After a session: the next patient's must not be kept under the pseudonym of the one before.
   clear() {
     this.patient.value = "P-";
+    this.side.value = "";
     say(this.counted, "");
     this.record.checked = true;
     this.again.textContent = again(this.last);

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// The support of the arm's weight: what it weighs, how much of it the robot carries, and the dialogue
+// that finds it out. The session's node bounds what is asked for; the controller what is in use.
+
+import { el, say } from "../draw.js";
+import { RUNNING, STARTING, isUnderWay } from "../link.js";
+import { PAGE, armSentence, failure, supportLimit, supportSentence, supportShare } from "../words.js";
+
+const FORCE = "support.force";
+const DOUBLE = 3; // ParameterType.msg
+const SHARE = 0.05; // a step of the slider, of the arm's weight
+const UNWEIGHED_STEP = 1; // [N] without one
+const ROUNDED = 1e-3; // [N] the last step may end a little beyond the limit, as numbers are rounded
+
+export class SupportCard {
+  // call(service, args): a service of this robot; whose(): { patient, side } of the form.
+  constructor(call, whose) {
+    this.call = call;
+    this.whose = whose;
+    this.isHeld = false;
+    this.shown = el("output");
+    this.input = el("input", { type: "range", min: 0, max: 0, ariaLabel: PAGE.support });
+    this.input.oninput = () => {
+      this.isHeld = true;
+      this.share();
+    };
+    this.input.onchange = () => this.set(Number(this.input.value));
+    this.use = el("p", { className: "use" });
+    this.arm = el("p", { className: "arm", role: "status" });
+    this.weigh = el("button", { type: "button", onclick: () => this.ask("therapy_session/weigh", this.whose()) }, PAGE.weigh);
+    this.lower = el("button", { type: "button", onclick: () => this.ask("therapy_session/lower") },
+      PAGE.lower, el("small", {}, PAGE.lowers));
+    this.told = el("p", { className: "told", role: "status" });
+    this.element = el("section", { className: "card support" }, el("h2", {}, PAGE.support),
+      el("label", { className: "limit" }, el("span", {}, PAGE.carried), this.input, this.shown), this.use,
+      el("div", { className: "row" }, this.weigh, this.lower), this.arm, this.told);
+    this.show(null, null, null);
+  }
+
+  // state: of the session; controller, drive: of the vertical axis; null where they are silent.
+  show(state, controller, drive) {
+    this.weight = state?.arm_weight ?? null;
+    const [most, reason] = supportLimit(this.weight, controller, drive);
+    this.input.disabled = !state;
+    if (!this.isHeld && state) {
+      this.input.step = this.weight ? SHARE * this.weight : UNWEIGHED_STEP;
+      this.input.max = Math.max(most, state.support) + ROUNDED;
+      this.input.value = state.support;
+    }
+    this.share();
+    say(this.use, supportSentence(controller, most, reason));
+    say(this.arm, armSentence(state));
+    this.weigh.disabled = !state || isUnderWay(state);
+    this.lower.disabled = !state || [RUNNING, STARTING].includes(state.state);
+  }
+
+  share() {
+    say(this.shown, supportShare(Number(this.input.value), this.weight));
+  }
+
+  async set(value) {
+    const parameters = [{ name: FORCE, value: { type: DOUBLE, double_value: value } }];
+    await this.telling(async () => {
+      const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
+      return { success: successful, message: reason };
+    });
+    this.isHeld = false;
+  }
+
+  ask(service, args = {}) {
+    return this.telling(() => this.call(service, args));
+  }
+
+  async telling(act) {
+    try {
+      const { success, message } = await act();
+      say(this.told, success ? "" : message); // what comes next stands in the state
+    } catch (error) {
+      say(this.told, failure(error));
+    }
+  }
+}
