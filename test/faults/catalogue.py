@@ -15,6 +15,7 @@ import rows_nodes
 import rows_operator
 import rows_requests
 import rows_sensors
+import rows_support
 import rows_therapy
 import rows_trials
 from record import LARGEST_STEP
@@ -36,6 +37,7 @@ _FILES = (
     rows_requests,
     rows_laws,
     rows_therapy,
+    rows_support,
     rows_trials,
 )
 ROWS: list[Row] = [row for file in _FILES for row in file.ROWS]

@@ -50,7 +50,7 @@ _SETTINGS = {
     "sim_rig": ("speed:=0.0", f"truth_rate:={RATE / 2}"),
     "amplifier": (f"gate.ramp_time:={_RAMP_S}",),
     "manus": (f"gate.ramp_time:={_RAMP_S}",),
-    "impedance_controller": (f'laws:=["{LAW_OF_OTHERS}"]',),
+    "impedance_controller": (f'laws:=["{LAW_OF_OTHERS}"]', "support.coasting:=20.0"),
 }
 _WALL = WallClock()
 

@@ -59,7 +59,7 @@ def _led_beyond(robot) -> float:
     return begin
 
 
-def _session(robot) -> None:
+def start_session(robot) -> None:
     """Start the session's node beside the graph."""
     robot.added[_SESSION] = robot.intruders.start(_SESSION)
     robot.wait_until_ready([_SESSION])
@@ -125,7 +125,7 @@ def _signalled(number: signal.Signals) -> Act:
     """Start a session and its node; send that node a signal."""
 
     def act(robot) -> float:
-        both(_session, _started)(robot)
+        both(start_session, _started)(robot)
         begin = robot.time
         os.kill(robot.added[_SESSION], number)
         return begin
@@ -203,14 +203,16 @@ ROWS = [
              "force, later continued", act=_signalled(signal.SIGSTOP), who=_FADES,
              mend=lambda robot: os.kill(robot.added[_SESSION], signal.SIGCONT)),
     _goes_on("wish-absurd", fault="a game requests points a thousand kilometres away, to and fro",
-             act=both(_session, published(EndpointSetpoint, graph.THERAPY_WISH, 0, 0.002, **_WISH)),
+             act=both(start_session,
+                      published(EndpointSetpoint, graph.THERAPY_WISH, 0, 0.002, **_WISH)),
              who="therapy_session: limits the point to the workspace, and its speed"),
     _goes_on("page-silent", fault="the therapist's page falls silent during a session",
-             act=both(_session, _started, _WORDS, _paused), who=_PAUSES),
+             act=both(start_session, _started, _WORDS, _paused), who=_PAUSES),
     _goes_on(f"{_BRIDGE}-killed", fault="web_bridge killed (SIGKILL) during a session that a page "
-             "attends through it", act=both(_session, _attended, _started_by_page, _bridge_killed,
-                                            _paused), who=_PAUSES, mend=_page_closed),
+             "attends through it",
+             act=both(start_session, _attended, _started_by_page, _bridge_killed, _paused),
+             who=_PAUSES, mend=_page_closed),
     _goes_on(f"{_BRIDGE}-flooded", fault="a page floods the bridge during a session",
-             act=both(_session, _attended, _started_by_page, _flooded),
+             act=both(start_session, _attended, _started_by_page, _flooded),
              who="web_bridge cuts it off", mend=_page_closed),
 ]  # fmt: skip
