@@ -147,8 +147,9 @@ class Weighing:
         last, end = yield from self._hung(strapped)
         self.told = f"{end}; the arm is brought back"
         self._guide(last, strapped.position)
-        while ((yield).time_ns - last.time_ns) * _NS < _WAY + _SETTLE:
-            pass
+        while (passed := ((yield).time_ns - last.time_ns) * _NS) < _WAY + _SETTLE + _HANG:
+            if passed >= _WAY + _SETTLE and self.result is None:
+                self.support = 0.0  # not trusted, and it lies again where it lay without
         self.stop(end)
 
     def _strapped(self) -> Generator[None, HandSample, HandSample]:

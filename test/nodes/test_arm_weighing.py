@@ -102,6 +102,21 @@ def test_the_spring_waits_at_the_hand_while_slots_change(room):
     assert (last.x, last.y, last.z) == pytest.approx((0.0, -0.1, 0.05))
 
 
+def test_an_arm_that_was_not_weighed_is_not_carried_afterwards(room):
+    """What was found of it at some place may be less than it weighs, or more."""
+    room.feed(0.1)
+    room.weigh()
+    room.feed(1.5)
+    room.weigh()
+    room.feed(8.0, -18.0)
+    assert room.state.arm.startswith("let it hang: far")
+    room.weigh()
+    state = room.feed(12.0, -18.0)
+    support = [slot.support for slot in room.ends.told["therapy/slot"]]
+    assert max(support) == pytest.approx(18.0) and support[-1] == 0.0
+    assert state.arm == "not weighed: the therapist ended it" and state.support == 0.0
+
+
 @pytest.mark.parametrize(("given", "wrong"), [
     ({"side": ""}, "left or right"), ({"side": "up"}, "'up': left or right"),
     ({"patient": "Maria"}, "not a pseudonym"),
