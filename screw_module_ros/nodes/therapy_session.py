@@ -40,6 +40,7 @@ from screw_module_ros.therapy.protocol_file import (
 )
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
 from screw_module_ros.therapy.support import (
+    LIGHT,
     PULLS_HARD,
     Carried,
     Spasm,
@@ -406,7 +407,8 @@ class TherapySessionNode(Node):
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
-        self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns)
+        lets_go = course.support.leaves(course.sample) < LIGHT
+        self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns, lets_go)
         return ""
 
     def _weigh(self, request: StartTherapy.Request) -> str:

@@ -24,6 +24,7 @@ UNWEIGHED = 15.0  # [N] ours: an outstretched arm of 3.45 kg and 0.65 m presses 
 LOWERED_IN = 4.0  # [s] ours
 SPASM = 60.0  # [N] ours: twice what the adaptation's walls give on a straying hand
 SPASM_TIME = 0.3  # [s] ours: a stretch reflex lasts longer, a knock does not
+LIGHT = 8.0  # [N] ours: a hand on which set points press with more may be an arm that hangs there
 PULLS_HARD = "the arm pulls hard"
 NO_FEEDBACK = "weight support needs the handle's force fed back: choose mode 3 to 5"
 _SETTLED = 1.0  # [s] ours: for a hand that lags behind
@@ -173,6 +174,11 @@ class Support:
     def refusal(self, force: float) -> str:
         """Return why a support [N] may not be asked for now, empty if it may."""
         return refusal(force, self.weight, self.limit)
+
+    def leaves(self, sample: HandSample) -> float:
+        """Return what presses on the hand beside the support [N], NaN if that is not known."""
+        fx, fy, fz = sample.force
+        return math.hypot(fx, fy, fz + self.in_use)
 
     def ask(self, force: float) -> None:
         """Ask for a support [N]; it ends a lowering."""

@@ -630,6 +630,19 @@ def carrying(monkeypatch):
     return carry
 
 
+@pytest.mark.parametrize(("force", "support", "let_go"), [
+    (-5.4, 0.0, True), (-20.0, 0.0, False), (-20.0, 15.0, True), (-20.0, math.nan, False),
+])  # fmt: skip
+def test_a_set_point_on_which_an_arm_hangs_is_not_let_go(room, force, support, let_go):
+    """20 N of an arm on a spring of 100 N/m would fall by 20 cm."""
+    room.force, room.in_use = force, support
+    room.go_on(0.1)
+    assert room.call("~/start", START) == ""
+    room.go_on(2.0)
+    asked = [message.position.z for message in room.ends.told["setpoint"]]
+    assert (0.2 in asked) is let_go
+
+
 def test_a_share_of_an_arm_that_was_not_weighed_starts_no_session(room, carrying):
     carrying({"share": 0.5})
     assert "weigh the arm first" in room.call("~/start", START)
