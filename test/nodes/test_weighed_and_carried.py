@@ -9,7 +9,7 @@ from screw_module_msgs.srv import StartTherapy
 from therapy_run import therapy_run
 
 from screw_module_ros.operator.robot import arm
-from screw_module_ros.plant.patient import PATIENTS
+from screw_module_ros.plant.settings import patients
 from screw_module_ros.trials.patient import Hand
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 FASTEST = "sim_rig:speed:=0.0"
 BRAKES = "amplifier:stop_reaction:=brake"
 WEIGH, LEFT = "therapy_session/weigh", {"patient": "P-7K3QX", "side": "left"}
-ARM = PATIENTS["flaccid"]
+ARM = patients()["flaccid"]
 
 
 def test_a_flaccid_arm_is_weighed_carried_and_lowered(tmp_path, monkeypatch):
