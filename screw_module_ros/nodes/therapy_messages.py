@@ -75,8 +75,7 @@ def result_message(result: Row, patient: str, protocol: str, side: str = "") -> 
     """Return a trial's result as a message, without header; side: of the arm."""
     values = {name: result[name] for name in COLUMNS}
     message = TrialResult(
-        patient=patient, protocol=protocol, side=side, jerk_cutoff=JERK_CUTOFF,
-        effort=math.nan, work_area=math.nan, **values
+        patient=patient, protocol=protocol, side=side, jerk_cutoff=JERK_CUTOFF, **values
     )
     _fill_points(message, result["start"], result["target"])
     message.started.sec, message.started.nanosec = divmod(result["started_ns"], _S)

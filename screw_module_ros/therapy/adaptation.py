@@ -9,6 +9,10 @@ Two parameters adapt, each by a metric that is positive if the patient needs les
   m = 2.65 sqrt(pm3) - 0.00008 K. A larger deviation than K allows gives stiffer walls, a smaller
   one softer walls: K <- K - a (Kmax - Kmin) mean(accuracy).
 
+An arm that does nothing can lead the wall, where its own spring pulls it, and keeps to the line. So
+nothing is taken away after circuits in which the patient's effort, by their median, is less than
+`least_effort` (ours).
+
 The gain a increases with the consistency of the last three circuits. A circuit's level is the sign
 of its mean metric, zero within the dead band of 0.01.
 
@@ -21,6 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import Annotated, Any, NamedTuple
 
 from ..control.limits import clamp
@@ -44,6 +49,10 @@ class AdaptationBounds(NamedTuple):
     longest: Annotated[float, Setting("longest duration of the back wall", "s", 0.3, 10.0)] = 3.0
     softest: Annotated[float, Setting("softest side walls", "N/m", 0.0, 1000.0)] = 25.0
     stiffest: Annotated[float, Setting("stiffest side walls", "N/m", 0.0, 1000.0)] = 300.0
+    least_effort: Annotated[
+        float, Setting("effort in a circuit below which nothing is taken away, 0 = no such rule",
+                       "", 0.0, 1.0)
+    ] = 0.0
 
     def flaw(self) -> str:
         """Return which range is empty, nothing if none is."""
@@ -64,10 +73,14 @@ class Assistance(NamedTuple):
 
 
 class Circuit(NamedTuple):
-    """Mean speed and accuracy metrics of a circuit, positive = less assistance needed."""
+    """Mean speed and accuracy metrics of a circuit, positive = less assistance needed.
+
+    effort: median of its movements, NaN where it is not known.
+    """
 
     speed: float
     accuracy: float
+    effort: float = math.nan
 
 
 class Change(NamedTuple):
@@ -108,7 +121,14 @@ def circuit_of(movements: Sequence[Mapping[str, float]], stiffness: float) -> Ci
     return Circuit(
         math.fsum(speed_metric(m) for m in movements) / len(movements),
         math.fsum(accuracy_metric(m, stiffness) for m in movements) / len(movements),
+        _median([m.get("effort", math.nan) for m in movements]),
     )
+
+
+def _median(values: Sequence[float]) -> float:
+    """Return the median of the known values, NaN if there is none."""
+    known = [value for value in values if math.isfinite(value)]
+    return median(known) if known else math.nan
 
 
 def speed_metric(movement: Mapping[str, float]) -> float:
@@ -153,6 +173,11 @@ def adapted(
     recent = circuits[earlier[-1] if earlier else 0 :]
     speed = math.fsum(c.speed for c in recent) / len(recent)
     accuracy = math.fsum(c.accuracy for c in recent) / len(recent)
+    effort = _median([c.effort for c in recent])
+    withheld = ""
+    if bounds.least_effort > 0.0 and effort < bounds.least_effort and max(speed, accuracy) > 0.0:
+        speed, accuracy = min(speed, 0.0), min(accuracy, 0.0)
+        withheld = f"; nothing is taken away, as the robot does the work (effort {effort:.0%})"
     by_speed = gain([c.speed for c in circuits])
     by_accuracy = gain([c.accuracy for c in circuits])
     range_t, range_k = bounds.longest - bounds.shortest, bounds.stiffest - bounds.softest
@@ -166,8 +191,10 @@ def adapted(
     )
     if not has_sides:
         after = after._replace(side_stiffness=before.side_stiffness)
-        return Change(number, before, after, _about_time(before, after, speed))
-    return Change(number, before, after, _reason(before, after, speed, accuracy))
+        reason = _about_time(before, after, speed)
+    else:
+        reason = _reason(before, after, speed, accuracy)
+    return Change(number, before, after, reason + withheld)
 
 
 def _about_time(before: Assistance, after: Assistance, speed: float) -> str:

@@ -119,6 +119,28 @@ def ellipse_area(path: np.ndarray) -> float:
     return 2.0 * math.pi * math.sqrt(small * large)
 
 
+def hull_area(path: np.ndarray) -> float:
+    """Return the area of the convex hull of a path in the plane [m^2]; its columns: x, y, ...
+
+    The hull is Andrew's monotone chain: first below, then above.
+    """
+    points, hull = sorted({(float(x), float(y)) for x, y, *_ in path}), []
+    for way in (points, points[::-1]):
+        side: list[tuple[float, float]] = []
+        for x, y in way:
+            while len(side) > 1 and _turn(side[-2], side[-1], x, y) <= 0.0:
+                side.pop()
+            side.append((x, y))
+        hull += side[:-1]
+    ahead = hull[1:] + hull[:1]
+    return 0.5 * math.fsum(a * d - b * c for (a, b), (c, d) in zip(hull, ahead, strict=True))
+
+
+def _turn(one: tuple[float, float], two: tuple[float, float], x: float, y: float) -> float:
+    """Return a positive number where the way to x, y turns to the left [m^2]."""
+    return (two[0] - one[0]) * (y - one[1]) - (two[1] - one[1]) * (x - one[0])
+
+
 def hold_deviation(path: np.ndarray, point: Point) -> float:
     """Return the root mean square distance of a path, shape (samples, 3), from a point [m]."""
     return float(np.sqrt(np.mean(np.sum((path - np.asarray(point)) ** 2, axis=1))))

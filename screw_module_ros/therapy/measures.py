@@ -16,11 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..control.minimum_jerk import PEAK_SPEED
 from .columns import Trial
 from .kinematics import (
     direction_error,
     ellipse_area,
     hold_deviation,
+    hull_area,
     independence,
     path_error,
     path_ratio,
@@ -62,6 +64,25 @@ def _reach_error(trial: Trial) -> float:
 def _hold_deviation(trial: Trial) -> float:
     return hold_deviation(np.array([trial.on_axes(s.position) for s in trial.during]),
                           trial.ends[0])  # fmt: skip
+
+
+EFFORT_MASS = 6.5  # [kg] ours: module and plane at the handle (params/plant.yaml)
+EFFORT_FRICTION = 0.8  # [N] ours: of the plane at the handle, in the middle of its range
+EFFORT_TIME = 3.0  # [s] ours: the slowest wall of an adaptation
+_RESTING = 0.05  # [s] ours: less than any reaction
+
+
+def _effort(trial: Trial) -> float:
+    """Return the patient's mean force along the line over what the path needs; docs/therapy.md."""
+    behind = (s.time_ns for s, lead in zip(trial.during, trial.leads, strict=True) if lead < 0.0)
+    touched_ns = next(behind, trial.end_ns)
+    shown_ns = trial.samples[0].time_ns
+    force = [trial.line.along(s.force) for s in trial.samples if s.time_ns <= touched_ns]
+    resting = [trial.line.along(s.force) for s in trial.samples
+               if s.time_ns - shown_ns <= _RESTING * 1e9]  # fmt: skip
+    mean_acceleration = 2.0 * PEAK_SPEED * trial.line.length / EFFORT_TIME**2
+    needed = EFFORT_MASS * mean_acceleration + EFFORT_FRICTION
+    return (_mean(force) - _mean(resting)) / needed
 
 
 def _of_smooth(measure: Callable[[np.ndarray, float], float], trial: Trial) -> float:
@@ -202,6 +223,14 @@ MEASURES = (
         "without assistance.",
     ),
     Measure(
+        "effort", "effort of the patient", "%", 100.0, (REACH,), _effort,
+        "Mean of the patient's force along the line from the display of the target until the hand "
+        "is behind the back wall, less his mean force in the first 50 ms, in which his arm at rest "
+        "already pulls; over the force that takes the robot's mass (6.5 kg) and friction (0.8 N) "
+        "along the line in 3 s (the mean of the accelerating half). An arm that does nothing has 0 "
+        "or less, whoever reaches that slowly by himself about 100 %. Judged on the plane alone.",
+    ),
+    Measure(
         "patient_work", "work of the patient", "J", 1.0, MOVED, lambda t: t.work[0],
         "Positive part of handle force times velocity, over time.",
     ),
@@ -218,6 +247,10 @@ MEASURES = (
     Measure(
         "size", "size of circles", "cm²", 1e4, (CIRCLE,), lambda t: ellipse_area(t.path),
         "Area of the path's ellipse.",
+    ),
+    Measure(
+        "work_area", "work area", "cm²", 1e4, (CIRCLE,), lambda t: hull_area(t.path),
+        "Area of the convex hull of the hand's path in the plane.",
     ),
     Measure(
         "hold_deviation", "hold deviation", "mm", 1e3, (HOLD,), _hold_deviation,

@@ -22,7 +22,7 @@ SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_
 COMPARED = SHOWN[:-1]
 """Figures for the comparison of blocks without assistance, where the share has no meaning."""
 OTHERS = {
-    CIRCLE: ("independence", "size", "log_jerk"),
+    CIRCLE: ("independence", "size", "work_area", "log_jerk"),
     HOLD: ("hold_deviation",),
     RESISTED: ("pm4",),
     STRENGTH: ("largest_force", "largest_vertical_force"),

@@ -106,6 +106,29 @@ def test_iterated_on_a_steady_hand_it_settles():
     assert assistance.duration == 1.4
 
 
+@pytest.mark.parametrize(
+    ("effort", "least", "less"),
+    [(0.05, 0.2, False), (-1.0, 0.2, False), (0.3, 0.2, True), (math.nan, 0.2, True),
+     (-1.0, 0.0, True)],
+)  # fmt: skip
+def test_nothing_is_taken_away_while_the_robot_does_the_work(effort, least, less):
+    """Bags and protocols of before have no effort, or no least one: there all is as it was."""
+    bounds = BOUNDS._replace(least_effort=least)
+    change = adapted(bounds, MIDDLE, [Circuit(0.1, 0.1, effort)])
+    assert (change.after.duration < MIDDLE.duration) is less
+    assert (change.after.side_stiffness < MIDDLE.side_stiffness) is less
+    assert ("the robot does the work" in change.reason) is not less
+    assert change.after == MIDDLE or less
+    help_more = adapted(bounds, MIDDLE, [Circuit(-0.1, -0.1, effort)])
+    assert help_more == adapted(BOUNDS, MIDDLE, [Circuit(-0.1, -0.1)]), "more is given as before"
+
+
+def test_a_circuit_s_effort_is_the_median_of_those_that_are_known():
+    movements = [moved() | {"effort": effort} for effort in (0.1, math.nan, 0.5, 0.3)]
+    assert circuit_of(movements, 100.0).effort == pytest.approx(0.3)
+    assert math.isnan(circuit_of([moved()], 100.0).effort)
+
+
 def test_refusals():
     with pytest.raises(ValueError, match="without movements"):
         circuit_of([], 100.0)

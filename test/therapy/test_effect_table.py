@@ -19,7 +19,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "therapy.md"
 ROW = re.compile(r"^\| (\w+) \| ([+-][\d.]+) \| ([+-][\d.]+) \|$", re.MULTILINE)
 OF_OTHER_TRIALS = {"independence", "size", "hold_deviation", "largest_force",
                    "largest_vertical_force", "patient_work", "robot_work",
-                   "pm2a", "pm2b", "pm3", "pm4"}  # fmt: skip
+                   "pm2a", "pm2b", "pm3", "pm4", "effort", "work_area"}  # fmt: skip
 
 
 def reaches(person):
