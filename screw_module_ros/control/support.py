@@ -142,6 +142,8 @@ def support_step(p: SupportSettings, s: SupportState, u: SupportInput, dt: float
     s.force = slew(s.force, wanted, rate * dt)
     if not s.hand_off:
         return s.force
+    if not asked and s.force == 0.0 and abs(u.velocity) < p.off_gain:
+        s.hand_off = False  # else who asks next would find a hand missing that only rests
     return s.force - clamp(
         p.off_damping * u.velocity, -p.off_damping_force, p.off_damping_force
     )

@@ -139,6 +139,18 @@ def test_it_returns_when_the_hand_presses_for_a_while():
     assert max(b - a for a, b in pairwise(made)) == pytest.approx(P.back_rate * DT)
 
 
+def test_a_hand_that_only_rests_is_no_missing_one_for_who_asks_next():
+    state = SupportState(hand_off=True)
+    resting = CARRIED._replace(force=0.0)
+    forces([resting] * 1000, state)
+    assert state.hand_off, "somebody still asks"
+    flying = resting._replace(wish=math.nan, velocity=0.3)
+    assert forces([flying], state)[0] < 0.0 and state.hand_off, "the damper is still needed"
+    forces([flying._replace(velocity=0.0)], state)
+    assert not state.hand_off
+    assert forces([resting] * 2000, state)[-1] == 20.0
+
+
 def test_the_compiled_step_is_the_plain_one():
     inputs = [*leaves(20.0, 0.2), *[CARRIED] * 300, CARRIED._replace(acts=False), CARRIED]
     kept, plain, step = packed(carrying()), carrying(), compiled(support_step)

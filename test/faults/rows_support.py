@@ -27,11 +27,12 @@ from row import (
     Row,
     goes_on,
 )
-from rows_therapy import start_session
-from screw_module_msgs.msg import ImpedanceState, TherapySlot
+from rows_therapy import WORDS, await_state, paused, start_session, started
+from screw_module_msgs.msg import ImpedanceState, TherapySlot, TherapyState
 
 from screw_module_ros import graph
 from screw_module_ros.control.modes import FORCE_FEEDBACK, IMPEDANCE, OBSERVER
+from screw_module_ros.operator.robot import RobotError, arm
 
 GROUP = "support"
 WEIGHT = 20.0
@@ -83,17 +84,41 @@ def _left(robot, support: float) -> float:
 
 
 def _held_again(robot) -> None:
-    robot.hand.take_hold()
+    """Hold the handle once nobody asks for support: it would come back, and press on the hand."""
+    robot.intruders.dismiss()
+    robot.pause(_SOON_S)
     robot.hand.set_up()
+    robot.hand.take_hold()
+
+
+def _let_down(robot) -> None:
+    """Let the support go that the session's node has asked for."""
+    robot.intruders.dismiss()
+    robot.hand.set_up()
+    robot.wait_until(lambda: _in_use(robot, 0.0), 5.0, "the support stays")
+
+
+def _by_hand(robot) -> None:
+    """Start the session's node; let it ask for a support."""
+    robot.setpoint = _SPRING
+    robot.hand.rest()
+    start_session(robot)
+    robot.wait_until(lambda: not _refusal(robot, _BY_HAND), 5.0, "no support is granted")
+    robot.wait_until(lambda: _in_use(robot, _BY_HAND), 5.0, "the support does not come")
+
+
+def _refusal(robot, force: float) -> str:
+    """Ask the session's node for a support by hand; return why not."""
+    try:
+        robot.set_parameter("therapy_session", "support.force", force)
+    except RobotError as error:
+        return str(error)
+    return ""
 
 
 def _session_killed(robot) -> float:
     """Kill the node that asks; check that the support goes slowly, and the hand feels no step."""
-    robot.setpoint = _SPRING
-    robot.hand.rest()
-    start_session(robot)
-    robot.set_parameter("therapy_session", "support.force", _BY_HAND)
-    robot.wait_until(lambda: _in_use(robot, _BY_HAND), 5.0, "the support does not come")
+    _by_hand(robot)
     robot.wait_until(lambda: robot.hand.at_rest, 5.0, "the hand does not come to rest")
     begin = robot.time
     os.kill(robot.added["therapy_session"], signal.SIGKILL)
@@ -102,6 +127,43 @@ def _session_killed(robot) -> float:
     assert abs(left - (_BY_HAND - _FADE_RATE)) < 1.0, f"{left:.1f} N are left after a second"
     step = largest_step(robot.record.since(begin))
     assert step <= LARGEST_STEP, f"a step of {step:.1f} N on the patient's hand"
+    return begin
+
+
+def _too_much(robot) -> float:
+    """Ask for what no weighed arm allows; check that the support stays what it was."""
+    _by_hand(robot)
+    begin = robot.time
+    said = _refusal(robot, WEIGHT)
+    assert "was not weighed: at most 15 N" in said, said or "more than 15 N are granted"
+    robot.until(begin + 1.0)
+    assert _in_use(robot, _BY_HAND)
+    return begin
+
+
+def _page_lost(robot) -> float:
+    """Let the therapist's page fall silent in a session; check that the arm stays carried."""
+    _by_hand(robot)
+    begin = started(robot)
+    WORDS(robot)
+    paused(robot)
+    robot.pause(_LATER_S)
+    assert _in_use(robot, _BY_HAND), "the pause lets the arm down"
+    return begin
+
+
+def _pulls_hard(robot) -> float:
+    """Let the arm press down against the end of travel; check that the walls go, not what carries.
+
+    There it can: elsewhere the handle gives way to more than the robot's 45 N.
+    """
+    _by_hand(robot)
+    begin = started(robot)
+    robot.set_arm(arm((0.0, 0.0, -0.09), 3.0, stiffness=1000.0, damping=80.0))
+    state = await_state(robot, 5.0, state=TherapyState.PAUSED)
+    assert state.reason == "the arm pulls hard", state.reason
+    robot.pause(_LATER_S)
+    assert _in_use(robot, _BY_HAND), "the pause lets the arm down"
     return begin
 
 
@@ -161,8 +223,23 @@ ROWS = [
     goes_on(
         "support-session-killed", GROUP,
         "therapy_session killed (SIGKILL) while the arm is carried",
-        _session_killed, "controller: the lease of 0.3 s lapses, then 5 N/s", mode=FORCE_FEEDBACK,
-        watch=_LATER_S,
+        _session_killed, "controller: the lease of 0.3 s lapses, then 5 N/s", _let_down,
+        mode=FORCE_FEEDBACK, watch=_LATER_S,
+    ),
+    goes_on(
+        "support-beyond-weight", GROUP, "support of 20 N is asked for, for an arm that was not "
+        "weighed", _too_much, "therapy_session: refuses it; the support stays as it was",
+        _let_down, mode=FORCE_FEEDBACK, watch=1.2,
+    ),
+    goes_on(
+        "support-page-lost", GROUP, "the therapist's page falls silent in a session that carries "
+        "the arm", _page_lost, "therapy_session: pauses, and goes on carrying the arm",
+        _let_down, mode=FORCE_FEEDBACK, watch=0.8,
+    ),
+    goes_on(
+        "support-spasm", GROUP, "the arm pulls with more than 60 N for 0.3 s in a session that "
+        "carries it", _pulls_hard, "therapy_session: pauses, and goes on carrying the arm",
+        _let_down, mode=FORCE_FEEDBACK, watch=0.8,
     ),
     goes_on(
         "support-wrong-mode", GROUP, "support is asked for in a mode that feeds no force back",

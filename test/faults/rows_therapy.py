@@ -66,7 +66,7 @@ def start_session(robot) -> None:
     robot.added[_STATES] = robot.intruders.listen(TherapyState, graph.THERAPY_STATE)
 
 
-def _started(robot) -> float:
+def started(robot) -> float:
     """Start a session, and wait for its slot, which brings the hand to the start."""
     request = StartTherapy.Request(**_START)
 
@@ -102,12 +102,12 @@ def _accepted(success: bool, message: str) -> bool:
 
 def _begun(robot, begun: Callable[[], bool]) -> float:
     robot.wait_until(begun, 10.0, "the session's node receives no endpoint_state")
-    _await_state(robot, 5.0, state=TherapyState.RUNNING, phase=TherapyState.PREPARE)
+    await_state(robot, 5.0, state=TherapyState.RUNNING, phase=TherapyState.PREPARE)
     robot.pause(0.3)  # until the slot is in force
     return robot.time
 
 
-def _await_state(robot, seconds: float, **wanted: int) -> TherapyState:
+def await_state(robot, seconds: float, **wanted: int) -> TherapyState:
     """Wait until the session's newest state has these values."""
     newest = TherapyState()
 
@@ -125,7 +125,7 @@ def _signalled(number: signal.Signals) -> Act:
     """Start a session and its node; send that node a signal."""
 
     def act(robot) -> float:
-        both(start_session, _started)(robot)
+        both(start_session, started)(robot)
         begin = robot.time
         os.kill(robot.added[_SESSION], number)
         return begin
@@ -133,9 +133,9 @@ def _signalled(number: signal.Signals) -> Act:
     return act
 
 
-def _paused(robot) -> None:
+def paused(robot) -> None:
     """Wait until the session has paused; check its reason."""
-    state = _await_state(robot, _SILENCE_S + 2.0, state=TherapyState.PAUSED)
+    state = await_state(robot, _SILENCE_S + 2.0, state=TherapyState.PAUSED)
     assert "page has been silent" in state.reason
 
 
@@ -177,7 +177,7 @@ _FADES = "controller and manus: a slot fades out without renewal for 0.3 s"
 _PAUSES = "therapy_session pauses: the therapist's page has been silent for 2 s"
 _sides, _wishes = itertools.cycle((-0.1, 0.1)), itertools.cycle((-1e6, 1e6))
 _WISH = {f"position__{axis}": lambda robot: next(_wishes) for axis in "xyz"}
-_WORDS = published(Empty, graph.THERAPY_ATTENDANCE, _ONE_S, _RENEW_S)
+WORDS = published(Empty, graph.THERAPY_ATTENDANCE, _ONE_S, _RENEW_S)
 ROWS = [
     _goes_on("slot-nan", fault="a slot of no duration (NaN)", act=_slot(duration=math.nan),
              who=_REFUSE),
@@ -207,10 +207,10 @@ ROWS = [
                       published(EndpointSetpoint, graph.THERAPY_WISH, 0, 0.002, **_WISH)),
              who="therapy_session: limits the point to the workspace, and its speed"),
     _goes_on("page-silent", fault="the therapist's page falls silent during a session",
-             act=both(start_session, _started, _WORDS, _paused), who=_PAUSES),
+             act=both(start_session, started, WORDS, paused), who=_PAUSES),
     _goes_on(f"{_BRIDGE}-killed", fault="web_bridge killed (SIGKILL) during a session that a page "
              "attends through it",
-             act=both(start_session, _attended, _started_by_page, _bridge_killed, _paused),
+             act=both(start_session, _attended, _started_by_page, _bridge_killed, paused),
              who=_PAUSES, mend=_page_closed),
     _goes_on(f"{_BRIDGE}-flooded", fault="a page floods the bridge during a session",
              act=both(start_session, _attended, _started_by_page, _flooded),
