@@ -44,6 +44,7 @@ _RAMP = 1000 + AT_ONCE
 """Samples: the rig's drive brakes for 1 s at most."""
 _FARTHEST, _FASTEST = 0.06, 0.45  # of a handle that its hand has left [m], [m/s]
 _FADE_RATE = 5.0  # [N/s]
+_UP_S = 2.0
 _BY_HAND = 8.0  # support that the session's node asks for [N]
 _ESTOP = Report("supervisor", "emergency stop", "emergency stop")
 _FREEZE = Report("force_sensor", "have not changed", "force")
@@ -96,6 +97,14 @@ def _let_down(robot) -> None:
     robot.intruders.dismiss()
     robot.hand.set_up()
     robot.wait_until(lambda: _in_use(robot, 0.0), 5.0, "the support stays")
+
+
+def _up_again(robot) -> None:
+    """Let the hand come up from the end of travel, slower than the limit of the speed."""
+    robot.hand.set_up()
+    robot.set_arm(arm((0.0, 0.0, MARK), _UP_S))
+    robot.pause(_UP_S)
+    _let_down(robot)
 
 
 def _by_hand(robot) -> None:
@@ -239,7 +248,7 @@ ROWS = [
     goes_on(
         "support-spasm", GROUP, "the arm pulls with more than 60 N for 0.3 s in a session that "
         "carries it", _pulls_hard, "therapy_session: pauses, and goes on carrying the arm",
-        _let_down, mode=FORCE_FEEDBACK, watch=0.8,
+        _up_again, mode=FORCE_FEEDBACK, watch=0.8,
     ),
     goes_on(
         "support-wrong-mode", GROUP, "support is asked for in a mode that feeds no force back",
