@@ -21,6 +21,7 @@ CHAIN = TorqueChain()
 def noting_drive(sent: list, settings: DriveSettings) -> SimpleNamespace:
     """Return a drive that notes what it gets [Nm]."""
     return SimpleNamespace(
+        brakes=False,
         write=lambda command, now_ns: sent.append(command) or command, settings=settings
     )
 

@@ -40,7 +40,7 @@ def fails_unforeseen(*_):
 def test_an_error_before_the_writes_does_not_skip_them(failing):
     idle = []
     port = SimpleNamespace(pump=fails, clock=ManualClock(5 * MS))
-    drive = SimpleNamespace(settings=DriveSettings(), label="drive", reading=None)
+    drive = SimpleNamespace(brakes=False, settings=DriveSettings(), label="drive", reading=None)
     drives = drive, drive
     plane = Plane(drives, port, MS, PlanarSettings(), JointSettings(), PermitSettings())
     plane.drives.request = fails if failing == "request" else lambda now: None

@@ -214,6 +214,7 @@ def test_a_command_of_the_next_tick_waits_for_its_sync(make_node, comes_ns, take
 def test_a_hot_motor_stays_hot_and_says_so(make_node, monkeypatch):
     node = make_node("amplifier")
     drive = SimpleNamespace(
+        brakes=False,
         settings=DriveSettings(), state=lambda now_ns: SimpleNamespace(text="on"), counters={}
     )
     node._chain, node.drives, node.period_ns = TorqueChain(), (drive,), MS
