@@ -9,11 +9,11 @@ S is up positive and belongs to what presses on the hand (`VerticalInput.support
 the handle's force back delivers it as it does a spring. It is not part of the module's own weight,
 which no hand carries.
 
-A handle that a carried hand leaves would fly (thesis 2.1.1: the arm weighs up to 20 N, the module
-some 5 kg, friction compensated). The hand is off when it presses on no axis, while the handle gains
-speed along S. A hand in quick motion presses with nothing for moments too, but the handle then goes
-as the hand does, and gains little in that time. Then S falls, and a damper stops the handle until a
-hand holds it again.
+A handle that a carried hand leaves would fly: the arm weighs up to 20 N (thesis 2.1.1), the module
+has 5.5 kg (5.3.3), and its friction is compensated. The hand is off when it presses on no axis,
+while the handle gains speed along S. A hand in quick motion presses with nothing for moments too,
+but the handle then goes as the hand does, and gains little in that time. Then S falls, and a damper
+stops the handle until a hand holds it again.
 """
 
 from __future__ import annotations

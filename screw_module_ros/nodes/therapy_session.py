@@ -238,7 +238,7 @@ class TherapySessionNode(Node):
             self._note_state(session, before)
             self._carry(session)
         self._arms.take(message)
-        if self._arms.is_on and math.isfinite(self._arms.support):
+        if math.isfinite(self._arms.support):
             course.support.ask(self._arms.support)  # with which the arm stays carried afterwards
         course.support.weight = self._arms.newtons
         if course.spasm.notices(course.sample):

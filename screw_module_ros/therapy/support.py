@@ -41,7 +41,7 @@ class SupportSettings(NamedTuple):
 
     force: Annotated[
         float, Setting("of the arm's weight, asked for by hand, upward on the hand", "N",
-                       -20.0, 25.0, live=True)
+                       *SUPPORT_RANGE, live=True)
     ] = 0.0  # ours  # fmt: skip
 
 
@@ -85,7 +85,7 @@ class BlockSupport(NamedTuple):
     """Support in a block: share of the arm's weight, or force; a share may fade."""
 
     share: Annotated[float | None, Setting("of the arm's weight", "", -1.0, 1.0)] = None
-    force: Annotated[float | None, Setting("in place of a share", "N", -20.0, 25.0)] = None
+    force: Annotated[float | None, Setting("in place of a share", "N", *SUPPORT_RANGE)] = None
     fade: Fade | None = None
 
     def flaw(self) -> str:

@@ -78,6 +78,9 @@ def slot_of(message: TherapySlot, vertical: bool) -> tuple[Slot | None, int]:
         )
         return slot, message.start_ns
     if message.held[vertical]:
-        point = Slot(*line[:2], *line[:2], damping=message.damping, half_width=0.0, growth=0.0)
-        return point._replace(side_stiffness=message.hold_stiffness, end_half_width=0.0), 0
+        point = Slot(
+            *line[:2], *line[:2], side_stiffness=message.hold_stiffness, damping=message.damping,
+            half_width=0.0, end_half_width=0.0, growth=0.0,
+        )  # fmt: skip
+        return point, 0
     return None, 0
