@@ -193,8 +193,9 @@ class _CountedServing(Serving):
     def close(self) -> None:
         """Hold nothing from now on: nothing is served any more."""
         self._requests.stop_following()
-        if self._server is not None:
-            self._server.idle()
+        server, self._server = self._server, None
+        if server is not None:
+            server.idle()
 
 
 class Calls:

@@ -349,6 +349,22 @@ def test_simulated_time_waits_for_a_call_that_is_due(make_node, wait_until):
             node.service.wake()
     wait_until(lambda: conductor.quiet() is not None)
     node.service.end()
-    node.service.close()
     conductor.close()
     assert calls == [20 * MS, 40 * MS, 60 * MS, 80 * MS, 100 * MS]
+
+
+@pytest.mark.parametrize("woken_before", [True, False])
+def test_a_thread_that_has_ended_holds_no_time_for_a_call_that_is_due(make_node, woken_before):
+    """The rig's diagnostics fell due while the drives left: time stood still for ten seconds."""
+    node = make_node("sim_rig", "-p", "use_sim_time:=true", "-r", "__ns:=/due_at_the_end")
+    conductor = Conductor(node.clock.page, 0.0, pytest.fail)
+    node.periodic.every(node.clock, 0.02, lambda: None)
+    node.service.start(lambda: None)
+    if not woken_before:
+        node.service.end()
+    conductor.move(node.clock.now_ns() + 20 * MS)
+    assert node.periodic.is_due()
+    node.service.wake()
+    node.service.end()
+    assert conductor.quiet() is not None
+    conductor.close()

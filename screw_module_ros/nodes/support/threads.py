@@ -144,6 +144,7 @@ class ServiceThread:
                 f"the node ends, what serves its requests failed: {type(error).__name__}: {error}"
             )
         finally:
+            self.close()  # the loop may have held time for a call which nobody makes any more
             self._node.stopping.set()
 
     def _serve(self, executor: SingleThreadedExecutor) -> None:
