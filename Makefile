@@ -39,7 +39,7 @@ soak: build  ## ten minutes of work, recorded: does anything grow? ARGS="--wall-
 reproduce: build  ## most experiments of the thesis and its calculations in process: report.html, report.md
 	@tools/run reproduce $(ARGS)
 
-study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --mode 5", "--plane", "--support"
+study: build  ## every mode on rigs drawn by seed, one table; ARGS="--rigs 20 --mode 5", "--plane", "--support", "--impedance"
 	@tools/run study $(ARGS)
 
 test: build  ## the tests without those marked long; with ARGS="-k friction" what it selects, long ones too

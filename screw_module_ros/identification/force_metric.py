@@ -18,6 +18,7 @@ SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
 SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation
 WINDOW = 0.1  # [s]
 _LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
+LASTING = 0.5  # [s] window in which an oscillation that does not end is judged
 LAST = 1.0  # [s] at the end of a trial, when the handle should be at rest
 
 
@@ -104,21 +105,41 @@ def judged(
         swing=_rms(_above(SWING, error, period)[-last:]),
         travel=float(np.ptp(position[-last:])),
         share=float(share[-1]),
-        shaking=period * _longest(_above(SWING, error, period)[first:], round(WINDOW / period)),
+        shaking=shaking(period, error, first),
     )
 
 
 def _above(corner: float, values: np.ndarray, period: float) -> np.ndarray:
     sections = signal.butter(4, corner, "high", fs=1.0 / period, output="sos")
-    return signal.sosfiltfilt(sections, values)
+    return signal.sosfiltfilt(sections, values, axis=0)
 
 
-def _longest(swing: np.ndarray, window: int) -> int:
-    """Return the largest number of successive samples with a windowed rms above `SHAKING`."""
-    sums = np.cumsum(np.concatenate(([0.0], swing**2)))
-    over = (sums[window:] - sums[:-window]) / window > SHAKING**2
+def lasting(period: float, error: np.ndarray, first: int) -> float:
+    """Return the largest rms above `SWING` [N] over `LASTING`, from the sample `first` on.
+
+    error: of samples `period` [s] apart, of one axis or a column for each [N]. What a cause has
+    left a second after its end is an oscillation that feeds itself.
+    """
+    means = _means(_swinging(period, error, first), round(LASTING / period))
+    return math.sqrt(max(means.max(), 0.0))
+
+
+def _means(values: np.ndarray, window: int) -> np.ndarray:
+    sums = np.cumsum(np.concatenate(([0.0], values)))
+    return (sums[window:] - sums[:-window]) / window
+
+
+def shaking(period: float, error: np.ndarray, first: int) -> float:
+    """Return the longest time with a windowed rms above `SHAKING` [s], as `lasting` counts."""
+    window = round(WINDOW / period)
+    over = _means(_swinging(period, error, first), window) > SHAKING**2
     edges = np.flatnonzero(np.diff(np.concatenate(([0], over.astype(int), [0]))))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    return period * int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _swinging(period: float, error: np.ndarray, first: int) -> np.ndarray:
+    """Return the squares of what lies above `SWING` [N^2], of all columns together."""
+    return (_above(SWING, error.reshape(len(error), -1), period)[first:] ** 2).sum(axis=1)
 
 
 def _rms(values: np.ndarray) -> float:

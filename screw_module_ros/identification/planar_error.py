@@ -34,11 +34,12 @@ _BETWEEN = 0.25 * math.pi
 
 class Case(NamedTuple):
     """One trial of the list. text; trial: with the settings to be filled in; figures: their names
-    in the command `study`."""
+    in the command `study`; ended: when what could shake has ended [s]."""
 
     text: str
     trial: PlanarTrial
     figures: str = "rms share"
+    ended: float = math.inf
 
 
 def _sine(amplitude: float, omega: float, tremor: float = 0.0) -> HandPath:
@@ -52,11 +53,12 @@ def hand_to(way: float, seconds: float = 1.0, start: float = 0.0, begin: float =
 
 def _case(
     text: str, path: HandPath, seconds: float, first: float = 0.0, figures: str = "rms share",
-    stiffness: float = 100.0, **more: Any,
+    stiffness: float = 100.0, ended: float = math.inf, **more: Any,
 ) -> Case:  # fmt: skip
     law = PlanarSettings(stiffness=stiffness)
     more = {"direction": _BETWEEN, **more}
-    return Case(text, PlanarTrial(law, path=path, duration=seconds, first=first, **more), figures)
+    trial = PlanarTrial(law, path=path, duration=seconds, first=first, **more)
+    return Case(text, trial, figures, ended)
 
 
 CASES = {
@@ -70,22 +72,23 @@ CASES = {
     "quick_reach": _case("1 m/s, 10 m/s^2", hand_to(0.164, 0.308, -0.082, 0.2), 1.5),
     "tremor": _case("0.05 m at 0.8 rad/s with 8 mm of tremor", _sine(0.05, 0.8, 0.008), 7.9),
     "heavy": _case("an arm of 30 kg, 0.05 m at 0.8 rad/s", _sine(0.05, 0.8), 7.9, arm=_HEAVY),
-    "heavy_holding": _case("an arm of 30 kg that holds still", hand_to(0.05), 6.0, 1.0, "shaking",
-                           arm=_HEAVY),
+    "heavy_holding": _case("an arm of 30 kg that holds still", hand_to(0.05), 6.0, 1.0,
+                           "chatter shaking", arm=_HEAVY, ended=1.0),
     "holding": _case("a hand that holds still 0.05 m off", hand_to(0.05), 6.0, 3.0,
-                     "rms travel shaking"),
-    "holding_stiff": _case("a hand on a spring of 2000 N/m", hand_to(0.01), 6.0, 2.0, "shaking",
-                           2000.0),
-    "released": _case("a hand that holds, and lets go", hand_to(0.05), 9.0, 5.0, "travel",
-                      released_after=3.0),
-    "released_stiff": _case("a hand that lets go of 1000 N/m", hand_to(0.03), 8.0, 5.0, "travel",
-                            1000.0, released_after=2.0),
+                     "rms chatter travel shaking", ended=1.0),
+    "holding_stiff": _case("a hand on a spring of 2000 N/m", hand_to(0.01), 6.0, 2.0,
+                           "chatter shaking", 2000.0, 1.0),
+    "released": _case("a hand that holds, and lets go", hand_to(0.05), 9.0, 5.0, "chatter travel",
+                      released_after=3.0, ended=3.0),
+    "released_stiff": _case("a hand that lets go of 1000 N/m", hand_to(0.03), 8.0, 5.0,
+                            "chatter travel", 1000.0, 2.0, released_after=2.0),
     **{
-        f"{name}{end}": _case(f"{text}{more}", path, 5.0, first, "shaking peak",
-                              arm=wall(stiffness, ratio, _WALL_MASS))
+        f"{name}{end}": _case(f"{text}{more}", path, 5.0, first, figures,
+                              ended=1.0, arm=wall(stiffness, ratio, _WALL_MASS))
         for name, (text, stiffness, ratio) in WALLS.items()
-        for end, more, path, first in (
-            ("", "", hand_to(0.05), 1.0), ("_moved", ", moved by 3 mm", _sine(0.003, 3.0), 0.0),
+        for end, more, path, first, figures in (
+            ("", "", hand_to(0.05), 1.0, "chatter shaking peak"),
+            ("_moved", ", moved by 3 mm", _sine(0.003, 3.0), 0.0, "shaking peak"),
         )
     },
 }  # fmt: skip

@@ -26,7 +26,8 @@ from ..filters import (
     velocity_settled,
     velocity_step,
 )
-from ..plant.patient import ArmForce, HandPath, hand_point, held_up, resting
+from ..plant.muscles import RESTED, Muscles, muscles_step
+from ..plant.patient import ArmForce, HandPath, HumanArm, hand_point, held_up, resting
 from ..plant.planar import (
     ManusInput,
     ManusState,
@@ -50,8 +51,8 @@ class PlaneParams(NamedTuple):
     """What stays the same: plant, law, its set point [m], the hand's paths, filter of the
     velocities; period [s]; radian: of a count; noise: of a force sample [N]; steps: substeps in a
     period; late: those before a torque acts; felt_at: that at which a force sample is taken; arm:
-    behind a soft grip, which `plant.arm` then is; attached, soft: a hand holds the handle, with a
-    soft grip."""
+    behind a soft grip, which `plant.arm` then is; patient: his muscles; attached, soft: a hand
+    holds the handle, with a soft grip."""
 
     plant: PlanarParams
     law: PlanarSettings
@@ -67,6 +68,7 @@ class PlaneParams(NamedTuple):
     late: int
     felt_at: int
     arm: ArmForce
+    patient: HumanArm
     attached: bool
     soft: bool
 
@@ -92,8 +94,8 @@ class Felt(NamedTuple):
 class PlaneState(NamedTuple):
     """ticks: since the trial began; the plane; the law's `PlaneState` from `compiled.packed`,
     which a tick changes in place; filters of both velocities; torques in force [Nm]; arm behind the
-    grip; force sample; forces: samples under way, one for each period of age, first the one that
-    the law sees, shape (n, 2) [N]."""
+    grip; the patient's muscles; force sample; forces: samples under way, one for each period of
+    age, first the one that the law sees, shape (n, 2) [N]."""
 
     ticks: int
     arm: ManusState
@@ -103,6 +105,7 @@ class PlaneState(NamedTuple):
     shoulder_torque: float
     elbow_torque: float
     palm: Palm
+    muscles: Muscles
     felt: Felt
     forces: np.ndarray
 
@@ -149,18 +152,21 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
                 torque_1, torque_2, True, True, False, False, p.attached, palm.x, palm.y, palm.vx,
                 palm.vy, 0.0, 1.0,
             )  # fmt: skip
-            palm = palm_step(p, palm, arm, hand_x, hand_y, speed_x, speed_y)
+            palm = palm_step(p, palm, arm, hand_x, hand_y, speed_x, speed_y, -s.muscles.tone)
         else:
             inputs = ManusInput(
                 torque_1, torque_2, True, True, False, False, p.attached, hand_x, hand_y, speed_x,
-                speed_y, 0.0, 1.0,
+                speed_y, -s.muscles.tone, 1.0,
             )  # fmt: skip
         arm = planar_step(p.plant, arm, inputs)
         hand_x += speed_x * p.plant.dt
         hand_y += speed_y * p.plant.dt
+    muscles = muscles_step(
+        p.patient, 1.0, s.muscles, arm.force_x, arm.force_y, 0.0, arm.handle_vy, p.period
+    )
     return PlaneState(
         s.ticks + 1, arm, s.law, first, second, output.shoulder_torque,
-        output.elbow_torque, palm, felt, forces,
+        output.elbow_torque, palm, muscles, felt, forces,
     )  # fmt: skip
 
 
@@ -179,13 +185,14 @@ def sampled(p: PlaneParams, s: Felt, arm: ManusState) -> Felt:
 
 def palm_step(
     p: PlaneParams, s: Palm, arm: ManusState, hand_x: float, hand_y: float, speed_x: float,
-    speed_y: float,
+    speed_y: float, away: float,
 ) -> Palm:  # fmt: skip
-    """Return the arm behind a soft grip after a substep; hand, speed: of the virtual hand."""
+    """Return the arm behind a soft grip after a substep; hand, speed: of the virtual hand; away:
+    pull of its muscles [N]."""
     x, y = handle_place(p.plant.robot, arm)
     grip, own, dt = p.plant.arm, p.arm, p.plant.dt
     push_x = own.stiffness * (hand_x - s.x) + own.damping * (speed_x - s.vx)
-    push_y = own.stiffness * (hand_y - s.y) + own.damping * (speed_y - s.vy)
+    push_y = own.stiffness * (hand_y - s.y) + own.damping * (speed_y - s.vy) + away
     if p.attached:
         push_x -= grip.stiffness * (s.x - x) + grip.damping * (s.vx - arm.handle_vx)
         push_y -= grip.stiffness * (s.y - y) + grip.damping * (s.vy - arm.handle_vy)
@@ -212,7 +219,7 @@ def plane_samples(
         0, arm, packed(initial_state(trial.settings, PLANE_IMPEDANCE, trial.settings)),
         velocity_settled(counted(arm.shoulder, params.radian)),
         velocity_settled(counted(arm.elbow, params.radian)), 0.0, 0.0, Palm(x, y, 0.0, 0.0),
-        Felt(0.0, 0.0, *seeded(seed)), np.zeros((whole + 1, 2)),
+        RESTED, Felt(0.0, 0.0, *seeded(seed)), np.zeros((whole + 1, 2)),
     )  # fmt: skip
     to_start = HandPath(0.0, trial.path.start, 0.0, 0.5 * _SETTLE_S, 0.0, 0.0, 0.0)
     _, state = _ticks(_along(params, trial, to_start), state, _SETTLE_S)
@@ -256,6 +263,7 @@ def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
         late=math.ceil(loop.delay / dt * (1.0 - 1e-9)),
         felt_at=-round(loop.force_age / dt) % steps,
         arm=arm,
+        patient=world.arm._replace(tone=trial.tone, fatigue=0.0),
         attached=True,
         soft=soft,
     )

@@ -155,10 +155,9 @@ class SimulatedStand:
         params = params._replace(transducer=t)
         state = self._placed(params, state)
         if hand:
-            plant = params.plant._replace(grip=hand.grip)
-            params = params._replace(plant=plant, path=hand.before)
-            if carries:
-                params = _carrying(params, carries)
+            arm = params.plant.arm._replace(weight=hand.weight)
+            plant = params.plant._replace(grip=hand.grip, arm=arm)
+            params = params._replace(plant=plant, path=hand.before, wish=hand.support)
             _, state = self._ticks(law, params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
@@ -376,20 +375,17 @@ def _hand_in(trial: Trial) -> HandTrial | None:
     if isinstance(trial, HandTrial):
         return trial
     if isinstance(trial, CarryTrial):
-        first = trial.parts[0].path
-        return HandTrial(trial.motion, resting(first.start), first, trial.grip)
+        first = trial.parts[0]
+        return HandTrial(
+            trial.motion, resting(first.path.start), first.path, trial.grip,
+            weight=trial.weight, support=first.support,
+        )  # fmt: skip
     if not isinstance(trial, MotionTrial):
         return None
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
     path = HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
     return HandTrial(trial, resting(c), path)
-
-
-def _carrying(params: LoopParams, trial: CarryTrial) -> LoopParams:
-    """Return the parameters with the arm's weight and the first part's wish."""
-    arm = params.plant.arm._replace(weight=trial.weight)
-    return params._replace(plant=params.plant._replace(arm=arm), wish=trial.parts[0].support)
 
 
 def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:

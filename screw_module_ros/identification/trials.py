@@ -159,7 +159,8 @@ class HandTrial(NamedTuple):
 
     motion: the trial, whose amplitude, way and tremor do not count; before: path of the virtual
     hand in the 3 s in which the spring fades in, then path: that of the trial; grip: of the hand;
-    switched_after: time at which the mode becomes then_mode [s].
+    switched_after: time at which the mode becomes then_mode [s]; weight: that hangs on the handle,
+    support: asked for it, up positive [N].
     """
 
     motion: MotionTrial
@@ -168,6 +169,8 @@ class HandTrial(NamedTuple):
     grip: ArmForce = RIGID
     switched_after: float = math.inf
     then_mode: int = 0
+    weight: float = 0.0
+    support: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -244,6 +247,7 @@ class PlanarTrial(NamedTuple):
     grip: ArmForce = RIGID
     loop: PlaneLoop = PlaneLoop()
     structure_stiffness: float = 0.0
+    tone: float = 0.0
 
 
 Trial = (

@@ -12,9 +12,10 @@ from laws_of_others import FLOOR
 from screw_module_ros.control import modes
 from screw_module_ros.identification import study
 from screw_module_ros.identification.carrying import CASES
+from screw_module_ros.identification.rigs import Kind
 from screw_module_ros.identification.study import WANTED, carried, measured_carrying
 
-THREE, FIVE = modes.FORCE_FEEDBACK, modes.OBSERVER
+THREE, FIVE = Kind("mode 3", modes.FORCE_FEEDBACK), Kind("mode 5", modes.OBSERVER)
 RIGS = [("A", 40917), ("A", 40920), ("B", 40918), ("B", 40925)]
 MISSED = {
     ("moved, 0.1 m/s, +20 N", "error"): 2.5,
@@ -25,16 +26,16 @@ MISSED = {
 """What modes 3 and 4 keep to without a calibration where they miss what is wanted."""
 
 
-def kept(mode, name, found):
+def kept(kind, name, found):
     """Every figure of a case is as good as wanted, or as what is known to be missed."""
     for figure, value in found.items():
         most = WANTED[figure]
-        if mode != FIVE:
+        if kind != FIVE:
             most = max(most, MISSED.get((name, figure), most))
-        assert value <= most, f"{name}, {figure}, mode {mode}"
+        assert value <= most, f"{name}, {figure}, {kind.name}"
 
 
-@pytest.mark.parametrize("mode", carried().kinds)
+@pytest.mark.parametrize("mode", carried().kinds, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("name", [name for name in CASES if "0.6 s" not in name])
 def test_on_the_thesis_module(mode, name):
     kept(mode, name, measured_carrying("T", 1, mode, name))
@@ -52,7 +53,7 @@ def test_an_arm_sinks_that_is_not_carried_and_falls_without_torque():
 
 @pytest.mark.long
 @pytest.mark.parametrize("rig", RIGS)
-@pytest.mark.parametrize("mode", [THREE, FIVE])
+@pytest.mark.parametrize("mode", [THREE, FIVE], ids=lambda kind: kind.name)
 def test_on_rigs_that_it_was_not_made_on(rig, mode):
     """Without the reaches of 0.6 s, and in mode 3 the two soft grips that swing in motion."""
     for name in CASES:
@@ -64,8 +65,8 @@ def test_on_rigs_that_it_was_not_made_on(rig, mode):
 @pytest.mark.long
 def test_a_law_of_others_that_feeds_the_force_back_is_studied_too():
     subject = carried(("laws_of_others:THE_FLOOR",))
-    assert list(subject.kinds) == [3, 4, 5, FLOOR]
-    found = subject.measured("T", 1, FLOOR, "hangs, 20 N, not carried")
+    assert [kind.mode for kind in subject.kinds] == [3, 4, 5, FLOOR]
+    found = subject.measured("T", 1, subject.kinds[-1], "hangs, 20 N, not carried")
     assert math.isfinite(found["sunk"])
 
 

@@ -14,7 +14,9 @@ from screw_module_ros.identification.planar_error import (
     reduced,
     trial_of,
 )
+from screw_module_ros.identification.rigs import Kind, drawn_plane
 from screw_module_ros.identification.stand import SimulatedStand
+from screw_module_ros.identification.trials import Arm
 from screw_module_ros.plant.patient import soft_grip
 
 
@@ -102,11 +104,11 @@ def test_a_hand_of_1_m_s_is_braked_before_the_joints_stop(monkeypatch, inertia, 
     of its speed at the edge, and no blow. On a structure that does not bear the gain, the braking
     lacks the feedback's help: 1.2e5 N/m leave 0.58 m/s, as without feedback, and no blow either.
     """
-    rig = study.drawn_plane("A", 1)
+    rig = drawn_plane("A", 1)
     robot = rig.world.planar._replace(inertia=inertia, structure_stiffness=stiffness)
-    same = rig._replace(world=rig.world._replace(planar=robot))
+    same = rig._replace(world=rig.world._replace(planar=robot), hand=Arm())
     monkeypatch.setattr(study, "drawn_plane", lambda family, seed: same)
-    figures = study.measured_plane("A", 1, 1, "near_edge_1.0")
+    figures = study.measured_plane("A", 1, Kind("", 1), "near_edge_1.0")
     assert figures["over"] < over
     assert figures["blow"] < 60.0
 

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The impedance that a hand gets, over frequency, and the range of impedances that is stable.
+
+What a control engineer asks of a haptic robot, on rigs drawn by seed with their play, delay and
+friction, and with the guard as it is shipped: `study --impedance`.
+
+- A firm hand moves the handle in sines. Its force over the handle's velocity is the impedance
+  delivered, Z; asked for is B + K / (j w).
+- Z-width (colgatebrown1994): with each damper B the stiffest spring up to which all springs of a
+  ladder are held by the rig's hand, and let go, without an oscillation that lasts. *Kept*: and
+  without the guard, which leaves more than half of the gain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..control.planar_settings import PlanarSettings
+from ..control.vertical_settings import VerticalSettings
+from ..plant.patient import HandPath
+from .figures import COLOURS, DESIRED, panels
+from .force_metric import apparent_mass, first_harmonic, lasting
+from .rigs import Kind, Rig, drawn, drawn_plane, plane_law
+from .stand import SimulatedStand
+from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, Samples
+
+FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # [Hz]
+DAMPERS = (0.0, 20.0, 100.0)  # [Ns/m]; a law has at least what it needs
+SPRINGS = (30.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0)  # [N/m] the ladder
+SPRING = 100.0  # [N/m] of the sines
+CALM, STILL, KEPT = 0.5, 1e-3, 0.5
+"""Most of an oscillation [N rms], of a released handle's way in a second that does not become less
+[m], least share."""
+_FIRM = Arm(0.5, 4000.0, 150.0)
+_CYCLES = 6
+_LARGEST, _SPEED, _ACCELERATION = 0.04, 0.3, 10.0  # of a sine [m], [m/s], [m/s^2]
+_CENTRE, _PUSH, _FAR = 0.18, 15.0, 0.02  # where [m]; how hard [N] and far [m] a spring is pressed
+_LESS = 0.9
+_LET_GO, _END, _SECOND = 2.5, 5.0, 1.0  # [s] of a trial of a spring
+_SINES = {f"{hertz:g} Hz": hertz for hertz in FREQUENCIES}
+_DAMPED = {f"damper {damper:g} Ns/m": damper for damper in DAMPERS}
+CASES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(_SINES, ("apart", "resistance", "mass")),
+    **dict.fromkeys(_DAMPED, ("stiffest", "kept")),
+}
+"""Figures of each case."""
+Did = tuple[Samples, float, float]
+"""Samples along one direction, spring [N/m] and damper [Ns/m] asked for."""
+
+
+def measured(
+    family: str, seed: int, kind: Kind, name: str, laws: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """Return the figures of one case of the vertical axis on one rig; laws: of other packages."""
+    rig = drawn(family, seed)
+    stand = SimulatedStand(rig.world, rig.loop, seed, laws)
+
+    def does(
+        spring: float, damper: float, arm: Arm, path: HandPath, seconds: float, released: float
+    ) -> Did:
+        asked = VerticalSettings(stiffness=spring, damping=damper)
+        law = rig.law(kind, asked)
+        at = path._replace(start=_CENTRE + path.start, target=_CENTRE + path.target)
+        motion = MotionTrial(
+            kind.mode, law, arm=arm, centre=_CENTRE, duration=seconds, released_after=released
+        )
+        before = HandPath(_CENTRE, _CENTRE, 0.0, 0.0, 0.0, 0.0, 0.0)
+        found = stand.record(HandTrial(motion, before, at, rig.grip), lambda share: None)
+        return found, law.stiffness, law.damping
+
+    return _found(rig, name, does, _CENTRE)
+
+
+def measured_plane(family: str, seed: int, kind: Kind, name: str) -> dict[str, float]:
+    """Return the figures of one case of the plane on one rig, along the rig's direction."""
+    rig = drawn_plane(family, seed)
+    along = np.array([math.cos(rig.direction), math.sin(rig.direction)])
+
+    def does(
+        spring: float, damper: float, arm: Arm, path: HandPath, seconds: float, released: float
+    ) -> Did:
+        most = min(spring, 2000.0)
+        law = plane_law(kind, PlanarSettings(stiffness=most, damping=damper))
+        trial = PlanarTrial(
+            law, arm=arm, direction=rig.direction, path=path, duration=seconds,
+            released_after=released, centre=rig.centre, grip=rig.grip, loop=rig.loop,
+        )  # fmt: skip
+        found = SimulatedStand(rig.world, seed=seed).record(trial, lambda share: None)
+        one = {
+            field: getattr(found, field) @ along
+            for field in ("position", "velocity", "force", "handle", "handle_velocity",
+                          "true_force")
+        }  # fmt: skip
+        return found._replace(**one), most, damper
+
+    return _found(rig, name, does, 0.0)
+
+
+def _found(rig: Rig, name: str, does: Callable[..., Did], centre: float) -> dict[str, float]:
+    if name in _SINES:
+        return _delivered(_SINES[name], does)
+    return _width(_DAMPED[name], rig, does, centre)
+
+
+def _delivered(hertz: float, does: Callable[..., Did]) -> dict[str, float]:
+    """Return how far the impedance at a frequency is from what was asked for, and its parts."""
+    omega = 2.0 * math.pi * hertz
+    amplitude = min(_LARGEST, _SPEED / omega, _ACCELERATION / omega**2)
+    path = HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, 0.0)
+    samples, spring, damper = does(
+        SPRING, 0.0, _FIRM, path, (2 + _CYCLES) / hertz + 0.5, math.inf
+    )
+    position, _, force = samples.felt
+    z = first_harmonic(samples.time, position, force, omega, _CYCLES)
+    mass = float(apparent_mass(np.array(z.imag), np.array(hertz), spring))
+    return {
+        "apart": abs(z - complex(damper, -spring / omega)), "resistance": z.real, "mass": mass,
+    }  # fmt: skip
+
+
+def _width(damper: float, rig: Rig, does: Callable[..., Did], centre: float) -> dict[str, float]:
+    """Return the stiffest spring of the ladder up to which all are stable, and with the gain."""
+    stiffest = kept = 0.0
+    share = 1.0
+    for spring in SPRINGS:
+        way = min(_FAR, _PUSH / spring)
+        path = HandPath(0.0, way, 0.0, 0.3, 0.0, 0.0, 0.0)
+        samples, asked, used = does(spring, damper, rig.hand, path, _END, _LET_GO)
+        share = min(share, _rests(samples, asked, used, centre))
+        if asked < spring or share < 0.0:
+            break
+        stiffest = spring
+        kept = spring if share > KEPT else kept
+    return {"stiffest": stiffest, "kept": kept}
+
+
+def _rests(samples: Samples, spring: float, damper: float, centre: float) -> float:
+    """Return the least share of the gain, -1 if hand or released handle do not come to rest."""
+    period = float(samples.time[1] - samples.time[0])
+    position, velocity, force = samples.felt
+    error = force - spring * (position - centre) - damper * velocity
+    held, last = round(_LET_GO / period), round(_SECOND / period)
+    calm = all(
+        lasting(period, part, len(part) - last) < CALM for part in (error[:held], error[held:])
+    )
+    before, after = np.ptp(position[-2 * last : -last]), np.ptp(position[-last:])
+    if not calm or after > max(STILL, _LESS * before):
+        return -1.0
+    return float(samples.share[held - last : held].min())
+
+
+def draw(found: dict[str, Any], kind: Kind, families: dict[str, str]) -> Figure:
+    """Draw the impedance of a kind over frequency and its Z-width; found: of the study."""
+    figure, (left, right) = panels(1, 2, (9.0, 4.4))
+    omega = 2.0 * np.pi * np.array(FREQUENCIES)
+    left.plot(FREQUENCIES, SPRING / omega, "--", color=DESIRED, label="asked for: the spring")
+    for (family, text), colour in zip(families.items(), COLOURS, strict=False):
+        of = found[family]
+        resistance, mass = (_values(of, _SINES, part, kind) for part in ("resistance", "mass"))
+        sizes = np.hypot(resistance, omega[:, None] * mass - (SPRING / omega)[:, None])
+        left.plot(FREQUENCIES, np.nanmedian(sizes, axis=1), "o-", color=colour, ms=3, label=text)
+        left.fill_between(FREQUENCIES, np.nanmin(sizes, axis=1), np.nanmax(sizes, axis=1),
+                          color=colour, alpha=0.15, linewidth=0.0)  # fmt: skip
+        for part, dash, said in (("stiffest", "-", "stable"), ("kept", ":", "with its gain")):
+            springs = np.maximum(_values(of, _DAMPED, part, kind), 10.0)
+            at = range(len(DAMPERS))
+            right.plot(at, np.median(springs, axis=1), f"o{dash}", color=colour, ms=4,
+                       label=f"{text}, {said}")  # fmt: skip
+            right.plot(at, springs.min(axis=1), f"v{dash}", color=colour, ms=4, mfc="none", lw=0.6)
+    left.set(xscale="log", yscale="log", xlabel="frequency [Hz]", title="|Z| at the handle [Ns/m]")
+    left.set_xticks(FREQUENCIES, [f"{hertz:g}" for hertz in FREQUENCIES])
+    left.minorticks_off()
+    right.set(yscale="log", xlabel="damper asked for [Ns/m]", title="Stiffest stable spring [N/m]",
+              ylim=(8.0, 7e3))  # fmt: skip
+    right.set_xticks(range(len(DAMPERS)), [f"{damper:g}" for damper in DAMPERS])
+    left.legend()
+    right.legend(fontsize=8)
+    figure.suptitle(
+        f"{kind.name}. Left: median and range of the rigs. Right: median, and worst rig (open)",
+        x=0.01, ha="left", fontsize=10,
+    )  # fmt: skip
+    return figure
+
+
+def _values(of: dict[str, Any], names: Iterable[str], figure: str, kind: Kind) -> np.ndarray:
+    """Return a figure of each case on each rig."""
+    return np.array([of[name][figure][kind.name] for name in names])
