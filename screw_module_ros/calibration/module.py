@@ -12,6 +12,8 @@
     mass_kg: 5.5
     sensor_bias: {force_N: [0.1, -0.2, 0.3], torque_Nm: [0.0, 0.0, 0.0]}
     residuals: {friction_rms_N: 0.8, linearization_correlation: 0.99996}
+    delay_s: 0.00082                  # from a sample to its force, and of it
+    drive_delay_s: 0.00022            # the drive's part; an earlier file has neither
     friction: ...         # the keys of params/friction_thesis.yaml without its format and version
     linearization: ...    # the keys of a linearization file without its format and version
     checksum: ...         # 64 hexadecimal digits
@@ -37,7 +39,7 @@ import hashlib
 import json
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import yaml
 
@@ -95,6 +97,12 @@ class ModuleCalibration(NamedTuple):
     residuals: dict[str, float]
     friction: FrictionModel
     linearization: Linearization
+    delay_s: Annotated[
+        float, Setting("from a sample to its force, 0: not measured", "s", 0.0, 5e-3)
+    ] = 0.0
+    drive_delay_s: Annotated[
+        float, Setting("of it from the write to the drive on", "s", 0.0, 5e-3)
+    ] = 0.0
     checksum: str = ""
 
     def identity(self, path: str | Path) -> str:
@@ -189,10 +197,16 @@ def content_checksum(calibration: ModuleCalibration) -> str:
     It covers the record instead of the file's text: unknown keys and keys written twice are
     refused, so the record holds the whole file.
     """
-    values = {"format": FORMAT, "version": float(VERSION), **plain(calibration)}
+    values = {"format": FORMAT, "version": float(VERSION), **_stored(calibration)}
     del values["checksum"]
     canonical = json.dumps(values, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode("ascii")).hexdigest()
+
+
+def _stored(calibration: ModuleCalibration) -> dict[str, Any]:
+    """Return what a file has: as those of earlier versions where no delay was measured."""
+    unknown = {"delay_s", "drive_delay_s"} if calibration.delay_s == 0.0 else set()
+    return {key: value for key, value in plain(calibration).items() if key not in unknown}
 
 
 def write_calibration(path: str | Path, calibration: ModuleCalibration) -> ModuleCalibration:
@@ -207,7 +221,7 @@ def write_calibration(path: str | Path, calibration: ModuleCalibration) -> Modul
         raise SettingError(f"{path}: {problem}; nothing was written") from None
     written = checked._replace(checksum=content_checksum(checked))
     text = _HEADER + yaml.safe_dump(
-        {"format": FORMAT, "version": VERSION, **plain(written)},
+        {"format": FORMAT, "version": VERSION, **_stored(written)},
         sort_keys=False, allow_unicode=True, default_flow_style=None, width=100,
     )  # fmt: skip
     try:

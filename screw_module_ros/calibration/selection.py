@@ -21,6 +21,9 @@ from .module import (
     load_module_calibration,
 )
 
+LARGEST_DELAY_CHANGE = 0.5e-3
+"""Of a loop since its calibration [s]: OBSERVER's error is hardly larger up to here."""
+
 
 class CalibrationSettings(NamedTuple):
     """Parameters of a node that loads a module's calibration."""
@@ -66,12 +69,15 @@ class ChosenFriction(NamedTuple):
     """A friction model, its identity, and the module's weight [N] and mass [kg].
 
     Weight and mass are None if unknown: then the friction model is not this module's either.
+    delay: of its loop, from a sample to its force, drive_delay: the drive's part [s]; 0: unknown.
     """
 
     model: FrictionModel
     identity: str
     gravity: float | None = None
     mass: float | None = None
+    delay: float = 0.0
+    drive_delay: float = 0.0
 
     def described(self, gravity: float, mass: float) -> str:
         """Return the identity, with a note if gravity [N] or mass [kg] was set by hand."""
@@ -81,6 +87,20 @@ class ChosenFriction(NamedTuple):
         if self.mass not in (None, mass):
             text += f", mass {mass:g} kg by hand"
         return text
+
+    def delay_flaw(self, latency: float) -> str:
+        """Return why the loop is not the one of the calibration, empty if it is, or unknown.
+
+        latency: measured now, from a sample to the write to the drive [s].
+        """
+        now = latency + self.drive_delay
+        if not (latency and self.delay) or abs(now - self.delay) <= LARGEST_DELAY_CHANGE:
+            return ""
+        return (
+            f"a sample's force comes after {1e3 * now:.2f} ms, in the module's calibration after "
+            f"{1e3 * self.delay:.2f} ms, which OBSERVER expects: run torque_response and "
+            "calibration again in this arrangement"
+        )
 
     def law(self, settings: VerticalSettings) -> VerticalSettings:
         """Return the law's settings, in which OBSERVER carries no mass beyond the one measured."""
@@ -125,7 +145,10 @@ def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
         file = path or resource_path(THESIS_FILE)
         return ChosenFriction(load_friction_model(file), file_identity(file))
     identity = module.identity(settings.calibration_file)
-    return ChosenFriction(module.friction, identity, module.gravity_N, module.mass_kg)
+    return ChosenFriction(
+        module.friction, identity, module.gravity_N, module.mass_kg, module.delay_s,
+        module.drive_delay_s,
+    )  # fmt: skip
 
 
 def chosen_linearization(

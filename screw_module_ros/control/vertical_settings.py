@@ -180,9 +180,15 @@ class VerticalSettings(NamedTuple):
             )
         return self
 
-    def calibrated(self, gravity: float, mass: float) -> VerticalSettings:
-        """Return the settings for a module whose weight [N] and mass [kg] were measured."""
-        return self._replace(gravity=gravity, mass=mass, observer_inertia=KNOWN_SHARE)
+    def calibrated(self, gravity: float, mass: float, delay: float = 0.0) -> VerticalSettings:
+        """Return the settings for a module whose weight [N] and mass [kg] were measured.
+
+        delay: of its loop, from a sample to its force [s]; 0 = not measured.
+        """
+        return self._replace(
+            gravity=gravity, mass=mass, observer_inertia=KNOWN_SHARE,
+            observer_delay=delay or self.observer_delay,
+        )  # fmt: skip
 
     def carrying_at_most(self, measured: float) -> VerticalSettings:
         """Return the settings for a module whose mass was measured [kg].

@@ -25,7 +25,7 @@ from ..control.vertical_settings import VerticalSettings
 from ..files import replace
 from ..settings import Field, Setting, fields
 from ..software import version
-from . import friction_model, gravity, inertia, stability, static_torque
+from . import friction_model, gravity, inertia, stability, static_torque, torque_response
 from .force_metric import apparent_mass
 from .lab import Lab, MissingResult
 from .results import NOTHING, Experiment, Quantity, Result, no_figures
@@ -50,6 +50,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     torque = lab.result(static_torque.NAME)
     weight = lab.result(gravity.NAME).quantity("gravity")
     mass = lab.result(inertia.NAME).quantity("mass")
+    delay = lab.result(torque_response.NAME).quantity("loop_delay")
     residuals = {
         "friction_rms_N": friction.value("rms"),
         "friction_within_2N": friction.value("within"),
@@ -71,18 +72,22 @@ def run(lab: Lab, settings: Settings) -> Result:
             mass_kg=mass.value,
             sensor_bias=SensorBias(zero[:3], zero[3:]),
             residuals=residuals,
+            delay_s=delay.value,
+            drive_delay_s=delay.value - lab.result(torque_response.NAME).value("delay"),
         ),
     )
     quantities = (
         Quantity("gravity", weight.value, weight.uncertainty, "N", "weight the controller carries"),
         Quantity("mass", mass.value, mass.uncertainty, "kg", "mass that moves with the handle"),
+        Quantity("delay", delay.value, delay.uncertainty, "s", "from a sample to its force"),
     )
     return Result(NAME, quantities, settings._asdict(), (f"written: {path.name}",))
 
 
 EXPERIMENT = Experiment(
     NAME, "writes the module's calibration file, which controller and amplifier load, from results",
-    Settings, run, no_figures, NOTHING, ("static_torque", "gravity", "friction_model", "inertia"),
+    Settings, run, no_figures, NOTHING,
+    ("static_torque", "torque_response", "gravity", "friction_model", "inertia"),
 )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ class Rig(NamedTuple):
             asked = asked._replace(observer_delay=self.delay)
         if kind.knows == MODULE:
             mass = module.turning_mass + module.moving_mass
-            asked = asked.calibrated(module.moving_mass * module.gravity, mass)
+            asked = asked.calibrated(module.moving_mass * module.gravity, mass, self.delay)
         return with_damping(asked, kind.mode)
 
 

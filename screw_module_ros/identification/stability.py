@@ -26,7 +26,7 @@ from ..control.laws import LAWS, margin_of, modes_of_gains, settings_of
 from ..control.laws.thesis import THESIS as THESIS_LAW
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
-from . import gravity, inertia
+from . import gravity, inertia, torque_response
 from .figures import COLOURS, DESIRED, panels
 from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
@@ -278,7 +278,13 @@ def _weighed(lab: Lab, settings: Settings) -> Settings:
 def law_of(lab: Lab) -> VerticalSettings:
     """Return the law as a controller has it with the lab's calibration, else with the defaults."""
     found = _identified(lab)
-    return VerticalSettings().calibrated(*found) if found else VerticalSettings()
+    if not found:
+        return VerticalSettings()
+    try:
+        delay = lab.result(torque_response.NAME).value("loop_delay")
+    except (MissingResult, KeyError):  # of an earlier version
+        delay = 0.0
+    return VerticalSettings().calibrated(*found, delay)
 
 
 def _onset(

@@ -157,6 +157,7 @@ class ImpedanceControllerNode(Node):
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._limits: GainLimits | None = None
         self._activations = 0
+        self._latency = 0.0  # to the drive, of the last second [s]; 0 = not told
         self._before_trial: dict[str, Any] = {}  # settings and mode, while a trial has the lease
         self.periodic.every(self.clock, _PUT_BACK_S, self._end_lease)
         impedance = partial(set_impedance, self.parameters, VerticalSettings)
@@ -210,7 +211,7 @@ class ImpedanceControllerNode(Node):
         chosen = self._friction = chosen_friction(settings, own.friction_file)
         law = known = self.parameters.read(VerticalSettings).validated()
         if chosen.gravity is not None:
-            known = law.calibrated(chosen.gravity, chosen.mass)
+            known = law.calibrated(chosen.gravity, chosen.mass, chosen.delay)
         values: dict[str, Any] = {}
         if self._limits and not self.parameters.read(GainLimitsSettings).beyond_gain_limits:
             known, values = self._limited(self._limits, known)
@@ -433,6 +434,7 @@ class ImpedanceControllerNode(Node):
             self._excite(request, now_ns)
         state = inputs.amplifier()
         if state is not None:
+            self._latency = state.latency_p50
             controller.on_drive(state.enabled, state.position, now_ns, state.brakes)
         if self._senders.warning:
             controller.set_fault(self._senders.warning)
@@ -502,6 +504,9 @@ class ImpedanceControllerNode(Node):
     def health(self) -> Health:
         """Reason of a zero force, timing."""
         state, controller = self.state, self.role
+        # By the rig's time a computation takes none, and the rig adds a latency of its own.
+        latency = 0.0 if self.clock.simulated else max(self._latency, state.latency_p50)
+        slow = self._friction.delay_flaw(latency)
         values = {
             **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
@@ -510,13 +515,14 @@ class ImpedanceControllerNode(Node):
             "calibration": state.calibration,
             "gain limits": self._limits.identity if self._limits else "none",
             "unstable in the linear model": self._exceeded(),
+            "delay": slow or "no other than calibrated",
             "slot refused": self.inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if self.alarm else WARN, controller.reason, values)
         if controller.output.share < 1.0 and controller.mode != OFF:
             return Health(WARN, guarded(controller.output.share), values)
-        if warning := broken_contract(state) or self._pullers.warning:
+        if warning := broken_contract(state) or self._pullers.warning or slow:
             return Health(WARN, warning, values)
         return Health(OK, f"running in {self._names[controller.mode]}", values)
 

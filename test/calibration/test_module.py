@@ -19,7 +19,11 @@ from screw_module_ros.calibration.module import (
     thesis_friction,
     write_calibration,
 )
-from screw_module_ros.calibration.selection import CalibrationSettings, chosen_calibration
+from screw_module_ros.calibration.selection import (
+    CalibrationSettings,
+    chosen_calibration,
+    chosen_friction,
+)
 from screw_module_ros.control.linearization import Line, default_linearization
 from screw_module_ros.settings import SettingError
 
@@ -80,6 +84,25 @@ def test_a_file_of_an_earlier_version_is_read_and_written_alike(path):
     """Byte for byte, its checksum included: files that were stored in the field stay valid."""
     assert load_module_calibration(STORED, SERIAL)._replace(checksum="") == GOOD
     assert path.read_bytes() == STORED.read_bytes()
+
+
+def test_a_measured_delay_is_kept_and_covered_by_the_checksum(path):
+    delayed = GOOD._replace(delay_s=8.2e-4, drive_delay_s=2.2e-4)
+    write_calibration(path, delayed)
+    assert load_module_calibration(path, SERIAL)._replace(checksum="") == delayed
+    path.write_text(path.read_text().replace("0.00082", "0.00083"))
+    assert "was changed after it was written" in refusal(path)
+
+
+def test_a_loop_that_is_slower_than_its_calibration_says_so(path):
+    """From a latency now and the drive's own delay; one that is not known is compared with none."""
+    write_calibration(path, GOOD._replace(delay_s=8.2e-4, drive_delay_s=2.2e-4))
+    chosen = chosen_friction(CalibrationSettings(str(path), SERIAL), "")
+    assert chosen.delay_flaw(0.6e-3) == chosen.delay_flaw(1.0e-3) == ""
+    assert "comes after 2.22 ms, in the module's calibration after 0.82" in chosen.delay_flaw(2e-3)
+    assert chosen.delay_flaw(0.0) == "", "no command was written in the last second"
+    write_calibration(path, GOOD)
+    assert chosen_friction(CalibrationSettings(str(path), SERIAL), "").delay_flaw(2e-3) == ""
 
 
 def test_the_file_can_be_read_by_whom_any_other_file_can(path):

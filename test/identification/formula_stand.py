@@ -206,3 +206,4 @@ def keep_calibration(folder: Path, module) -> None:
     keep(folder, "friction_model", friction_model._as_data(thesis_friction()))
     keep(folder, "gravity", gravity=v.moving_mass * v.gravity, play=v.play)
     keep(folder, "inertia", mass=v.turning_mass + v.moving_mass)
+    keep(folder, "torque_response", loop_delay=820e-6, delay=600e-6)

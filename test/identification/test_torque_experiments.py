@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from formula_stand import FormulaBench, Motor, keep, keep_line
@@ -56,6 +58,18 @@ def test_what_the_motor_hides_is_found_with_an_honest_error(
         assert value.value == pytest.approx(truth, rel=share), quantity
         assert abs(value.value - truth) < 4.0 * value.uncertainty < 0.25 * truth, quantity
     assert said in " ".join(result.notes)
+
+
+@pytest.mark.parametrize("delay", [0.4e-3, 1.1e-3, 2.6e-3])
+def test_the_whole_delay_of_a_loop_is_found(tmp_path, delay):
+    """Also one of several periods, and where the amplifier is another one than assumed: what the
+    software's delay loses there is the amplifier's."""
+    keep_line(tmp_path)
+    result, _ = found(tmp_path, "torque_response", Motor(delay=delay, lag=110e-6), **FEW)
+    loop = result.quantity("loop_delay")
+    truth = delay + 110e-6 + 1.0 / (2.0 * math.pi * 1000.0)
+    assert loop.value == pytest.approx(truth, abs=8e-6)
+    assert result.value("delay") == pytest.approx(delay + 50e-6, abs=8e-6)
 
 
 def test_the_measured_amplifier_is_used(tmp_path):

@@ -66,6 +66,6 @@ def calibration(tmp_path_factory):
         serial="SIM-0001", date="2001-05-11T09:30:00Z", software="0.1.0", gravity_N=9.25,
         mass_kg=5.5, sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3),
         residuals={"friction_rms_N": 0.8}, friction=thesis_friction()._replace(phase_rad=0.4),
-        linearization=default_linearization(0.02),
+        linearization=default_linearization(0.02), delay_s=9e-4, drive_delay_s=2.2e-4,
     ))  # fmt: skip
     return SimpleNamespace(path=path, written=written, identity=written.identity(path))

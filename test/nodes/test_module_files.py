@@ -91,6 +91,12 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     node.trigger_activate()
     assert node.role.settings.gravity == GRAVITY
     assert node.role.settings.observer_inertia == KNOWN_SHARE
+    assert node.role.settings.observer_delay == 9e-4
+    assert node.health().values["delay"] == "no other than calibrated"
+    slow = AmplifierState(latency_p50=2e-3)
+    node.inputs = node.inputs._replace(amplifier=lambda: slow)
+    node.read_inputs(node.clock.now_ns())
+    assert "after 2.22 ms, in the module's calibration after 0.90" in node.health().values["delay"]
     node.close()
 
 
