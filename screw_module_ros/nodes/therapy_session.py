@@ -27,8 +27,10 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.arm import WEIGHED, Arm
+from screw_module_ros.therapy.arm_weights import Arms
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
-from screw_module_ros.therapy.hand import PLANE, VERTICAL, HandSample, Point, hand_sample
+from screw_module_ros.therapy.hand import PLANE, SPACE, VERTICAL, HandSample, Point, hand_sample
 from screw_module_ros.therapy.line import NO_SLOT, SlotWish
 from screw_module_ros.therapy.protocol import STRENGTH, Protocol
 from screw_module_ros.therapy.protocol_file import (
@@ -39,22 +41,15 @@ from screw_module_ros.therapy.protocol_file import (
     sha256,
 )
 from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
-from screw_module_ros.therapy.support import (
-    LIGHT,
-    PULLS_HARD,
-    Carried,
-    Spasm,
-    Support,
-    SupportSettings,
-    block_refusal,
-)
-from screw_module_ros.therapy.weighing import WeighingSettings
+from screw_module_ros.therapy.support import SupportSettings, block_refusal
+from screw_module_ros.therapy.support import refusal as support_refusal
+from screw_module_ros.therapy.weighing import WeighingSettings, places
 from screw_module_ros.therapy.wishes import WishLimits
 
-from .arm_weighing import ArmWeighing, checked_side
 from .support import topics
+from .support.answering import Done
 from .support.node import Node
-from .support.place import below, root_folder
+from .support.place import below, root_folder, state_folder
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, result_message
@@ -66,8 +61,7 @@ _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
 _NOT_YET = "no endpoint_state has come yet"
-_WEIGHED = "an arm is being weighed: wait, or end that"
-_LOWERED = "the arm is being lowered: wait until it lies"
+_PULLS_HARD = "the arm pulls hard"
 
 
 class TherapySettings(NamedTuple):
@@ -88,14 +82,15 @@ class TherapySettings(NamedTuple):
 class Course:
     """What one activation of the node knows; the next one begins without it, and its patient.
 
-    slot, state: the messages. session: the newest. patient: its pseudonym. definition: text of its
-    protocol, until it was published. heard: the newest endpoint_state, sample: what a session takes
-    of it; sampled_ns: when it came, told_ns: when the controller's state came [ns]. support: of the
-    arm; carried: what a block of the session asked for last. sent: what was published last: state,
-    reason and phase of the session, slots, support.
+    arm: on the handle. slot, state: the messages. session: the newest. patient: its pseudonym.
+    definition: text of its protocol, until it was published. heard: the newest endpoint_state,
+    sample: what a session takes of it; sampled_ns: when it came, told_ns: when the controller's
+    state came [ns]. sent: what was published last: state, reason and phase of the session, slots,
+    support.
     """
 
     attendance: Attendance
+    arm: Arm
     slot: TherapySlot = field(default_factory=lambda: at_base(TherapySlot, support=math.nan))
     state: TherapyState = field(
         default_factory=lambda: at_base(TherapyState, arm_weight=math.nan)
@@ -108,9 +103,6 @@ class Course:
     sample: HandSample | None = None
     sampled_ns: int | None = None
     told_ns: int = 0
-    support: Support = field(default_factory=Support)
-    carried: tuple[Carried, float] | None = None
-    spasm: Spasm = field(default_factory=Spasm)
     sent: tuple[tuple[State, str, Any] | None, SlotWish, float] = (None, NO_SLOT, 0.0)
 
     @property
@@ -135,6 +127,13 @@ class Course:
         return self.sample.position if self.sample and not self.silent(now_ns) else None
 
 
+def _arm_of(request: StartTherapy.Request) -> tuple[str, str]:
+    """Return pseudonym and side of a request. Raises ValueError for what is none; no side may be."""
+    if request.side not in ("", *Arms._fields):
+        raise ValueError(f"side = {request.side[:20]!r}: left or right is wanted, or nothing")
+    return checked_pseudonym(request.patient), request.side
+
+
 class TherapySessionNode(Node):
     """The loop's thread owns the session; services ask it to start and change it (`requests`).
 
@@ -148,9 +147,8 @@ class TherapySessionNode(Node):
             attendance=AttendanceSettings, recorder=RecorderSettings, support=SupportSettings,
             weighing=WeighingSettings,
         )  # fmt: skip
-        self.course = Course(Attendance())
+        self.course = self._new_course(Attendance())
         self._recording = SessionRecording(self, self.clock)
-        self._arms = ArmWeighing(self)
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(StartTherapy, "~/weigh", lambda of: self.requests.ask(lambda: self._weigh(of)))
         self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
@@ -174,17 +172,22 @@ class TherapySessionNode(Node):
 
     def begin(self) -> None:
         """Start without a session, and without what the last one has published."""
-        self.course = Course(Attendance(self.parameters.read(AttendanceSettings, "attendance")))
+        attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
+        self.course = self._new_course(attendance)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
-        self._arms.forget()
+
+    def _new_course(self, attendance: Attendance) -> Course:
+        file = state_folder() / "therapy_session" / "arm_weights.json"
+        return Course(attendance, Arm(file, lambda: self.clock.stamp_ns() // 1_000_000_000))
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the support asked for by hand must not be; before activation it counts not."""
         force = changes.get("support.force", 0.0)
         if not self.active or not force:
             return ""
-        return _WEIGHED if self._arms.is_on else self.course.support.refusal(force)
+        arm = self.course.arm
+        return WEIGHED if arm.weighing else support_refusal(force, arm.weight.weight, arm.limit)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
@@ -198,7 +201,7 @@ class TherapySessionNode(Node):
     def end(self) -> None:
         """End a running session, so that the slot fades out, its recording, and a game's pull."""
         now_ns = self.clock.now_ns()
-        self.course.support.stop_lowering()
+        self.course.arm.let_go("the node was stopped")
         if self.course.session is not None:
             self._change(self.course.session, self.course.session.abort, "the node was stopped")
             self._send(now_ns)
@@ -213,60 +216,47 @@ class TherapySessionNode(Node):
         for message in islice(iter(self._take, None), topics.EACH_STATE.depth):
             self._take_sample(message, now_ns)
         self._watch(now_ns)
+        self.course.arm.follow(now_ns)
         self._follow_recorder(now_ns)
         self._relay_wishes(now_ns)
         self._send(now_ns)
 
     def _hear_controller(self, message: ImpedanceState | None, now_ns: int) -> None:
-        """Take what the controller tells of the support, and go on with a lowering."""
-        course, support = self.course, self.course.support
+        """Take what the controller tells of the support."""
+        course, arm = self.course, self.course.arm
         if message is not None:
             course.told_ns = now_ns
-            support.in_use, support.limit = message.support, message.support_limit
+            arm.in_use, arm.limit = message.support, message.support_limit
         elif now_ns - course.told_ns > _SILENT_NS:
-            support.in_use, support.limit = math.nan, None
-        support.follow(now_ns)
+            arm.in_use, arm.limit = math.nan, None
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
-        course, session = self.course, self.course.session
+        course, arm, session = self.course, self.course.arm, self.course.session
         course.sampled_ns, course.heard = now_ns, message
         sample = hand_sample(message, session.protocol.space if session else PLANE)
-        course.sample = sample._replace(support=course.support.in_use)
+        course.sample = sample = sample._replace(support=arm.in_use)
         if session is not None:
             before = session.state
-            self._publish(session, session.take(course.sample))
+            self._publish(session, session.take(sample))
             self._note_state(session, before)
-            self._carry(session)
-        self._arms.take(message)
-        if math.isfinite(self._arms.support):
-            course.support.ask(self._arms.support)  # with which the arm stays carried afterwards
-        course.support.weight = self._arms.newtons
-        if course.spasm.notices(course.sample):
-            self._give_way(session)
-
-    def _carry(self, session: Session) -> None:
-        """Ask for the support of the session's block, where it has changed."""
-        course, carried = self.course, (session.carried, session.carried.force)
-        if session.state == State.RUNNING and carried != course.carried:
-            course.carried = carried
-            if not math.isnan(carried[1]):
-                course.support.ask(carried[1])
+            if session.state == State.RUNNING and not math.isnan(session.carried.force):
+                arm.ask(session.carried.force)
+        if arm.weighing:
+            arm.weighing.take(hand_sample(message, SPACE))
+        if arm.pulls_hard(sample):  # it stays carried
+            arm.let_go(_PULLS_HARD)
+            if session is not None and session.trial and session.trial.kind != STRENGTH:
+                self._change(session, session.pause, _PULLS_HARD)
 
     def _set_support(self, force: float) -> None:
         """Ask for a support by hand [N]; it ends the fade of a session's block."""
         course, session = self.course, self.course.session
-        course.support.ask(force)
-        if session is not None and course.is_under_way and course.sample:
-            session.carried.set_by_hand(course.support.force)
-            course.carried = session.carried, session.carried.force
-            course.state.support_since = course.sample.sequence
-
-    def _give_way(self, session: Session | None) -> None:
-        """End what guides an arm that pulls hard, but where it was asked to; it stays carried."""
-        self.course.support.stop_lowering()
-        self._arms.leave(PULLS_HARD, at_once=True)
-        if session is not None and session.trial and session.trial.kind != STRENGTH:
-            self._change(session, session.pause, PULLS_HARD)
+        if session is None or not course.is_under_way or course.sample is None:
+            course.arm.ask_for_next(force)
+            return
+        course.arm.ask(force)
+        session.carried.set_by_hand(course.arm.force)
+        course.state.support_since = course.sample.sequence
 
     def _note_state(self, session: Session, before: State) -> None:
         """Record the sample after which a state began: a replay needs it."""
@@ -282,8 +272,8 @@ class TherapySessionNode(Node):
         reason = self.course.attendance.pause_reason(now_ns)
         if silent:
             reason = f"{graph.ENDPOINT_STATE} is silent"
-        if reason:
-            self._arms.leave(reason, at_once=silent)
+        if reason and self.course.arm.weighing:
+            self.course.arm.weighing.leave(f"not weighed: {reason}", at_once=silent)
         if reason and session is not None:
             self._change(session, session.pause, reason)
 
@@ -324,10 +314,8 @@ class TherapySessionNode(Node):
 
     def _guides(self) -> tuple[SlotWish, float]:
         """Return the slots that guide the hand now, and the support of the arm [N]."""
-        support, session, weighing = self.course.support, self.course.session, self._arms.dialogue
-        if weighing is not None and self._arms.is_on:
-            return weighing.wish, weighing.support
-        return support.lowering or (session.wish if session else NO_SLOT), support.force
+        arm, session = self.course.arm, self.course.session
+        return arm.wish or (session.wish if session else NO_SLOT), arm.force
 
     def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
@@ -342,8 +330,8 @@ class TherapySessionNode(Node):
             self._tell(self._publish_slot, course.slot)
         if news[1] != last[1] and course.sample and not course.is_under_way:
             self._wishes.rest_at(course.sample.position)  # else the spring pulls between slots
-        self._arms.fill(state)
-        state.support = course.support.force
+        state.arm, (state.arm_weight, state.arm_spread, _) = course.arm.told, course.arm.weight
+        state.support = course.arm.force
         if session is None:
             state.state = TherapyState.IDLE
             self._tell(self._publish_state, state)
@@ -359,12 +347,12 @@ class TherapySessionNode(Node):
         self._tell(self._publish_state, state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
-        is_free = not (self.course.is_under_way or self._arms.is_on or ends)
+        is_free = not (self.course.is_under_way or self.course.arm.weighing or ends)
         allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, self.course.hand(now_ns), now_ns)
 
     def _start(self, request: StartTherapy.Request) -> str:
-        patient, _ = checked_pseudonym(request.patient), checked_side(request.side)
+        patient, _ = _arm_of(request)
         name = self._named(request.protocol)
         protocol, definition = allowed_protocol(
             protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
@@ -381,19 +369,15 @@ class TherapySessionNode(Node):
         course = self.course
         if course.session is not None and course.is_under_way:
             return f"a session of {course.patient} is {course.session.state.word}: end it first"
-        if self._arms.is_on:
-            return _WEIGHED
-        if course.sample is None:
-            return _NOT_YET
-        if course.support.lowering is not None:
-            return _LOWERED
+        if course.sample is None or course.arm.led:
+            return course.arm.led or _NOT_YET
         now_ns = self.clock.now_ns()
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
-        self._arms.know(patient, request.side)
-        weight = course.support.weight = self._arms.newtons
+        course.arm.know(patient, request.side)
+        weight = course.arm.weight.weight
         for block in protocol.blocks:
-            if refused := block_refusal(block.support, weight, course.support.limit):
+            if refused := block_refusal(block.support, weight, course.arm.limit):
                 return refused
         course.attendance.begin(request.attended, now_ns)
         course.patient, course.definition = patient, definition
@@ -401,30 +385,34 @@ class TherapySessionNode(Node):
         course.state.definition_sha256 = sha256(definition)
         course.session = Session(protocol, _WAITS if request.record else "", weight)
         course.state.support_since = 0
-        course.support.ask(course.support.force)  # what was lowered for another stays down
+        course.arm.begin()
         course.sent = (None, *course.sent[1:])
         course.state.state_since = course.sample.sequence
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
-        lets_go = course.support.leaves(course.sample) < LIGHT
+        lets_go = not course.arm.hangs(course.sample)
         self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns, lets_go)
         return ""
 
     def _weigh(self, request: StartTherapy.Request) -> str:
         """Begin to weigh the arm of a patient, or go on; the state tells what comes next."""
-        course = self.course
+        course, arm = self.course, self.course.arm
+        patient, side = _arm_of(request)
+        if not side:
+            raise ValueError("side: left or right is wanted: which arm is it?")
         if course.is_under_way:
             return "a session is under way: weigh before it, or end it first"
-        if course.sample is None:
-            return _NOT_YET
-        if course.support.lowering is not None:
-            return _LOWERED
+        if course.sample is None or arm.lowering:
+            return arm.led or _NOT_YET
         limits = self.parameters.read(WishLimits, "wish")
-        if not self._arms.is_on:
+        if not arm.weighing:
             course.attendance.begin(request.attended, self.clock.now_ns())
             self._wishes.begin(limits, self.clock.now_ns())
-        return self._arms.press(request, limits)
+        settings = self.parameters.read(WeighingSettings, "weighing")
+        refused = arm.weigh(patient, side, places(limits.ranges()), settings.cradle)
+        arm.follow(self.clock.now_ns())
+        return refused or Done(arm.told)
 
     def _named(self, protocol: str) -> str:
         """Return one of the package's protocols, or the path of a file below `folder`."""
@@ -444,7 +432,7 @@ class TherapySessionNode(Node):
             return _WAITS
         self.course.attendance.resume(self.clock.now_ns())
         if not (refused := self._act("resume")):
-            self.course.support.carry_on()
+            self.course.arm.carry_on()
         return refused
 
     def _lower(self) -> str:
@@ -452,15 +440,15 @@ class TherapySessionNode(Node):
         course, session = self.course, self.course.session
         if session is not None and session.state in (State.STARTING, State.RUNNING):
             return f"the session is {session.state.word}: pause it first"
-        if self._arms.is_on:
-            return _WEIGHED
+        if course.arm.weighing:
+            return WEIGHED
         now_ns = self.clock.now_ns()
         if course.heard is None or course.silent(now_ns):
             return _NOT_YET
         hand = hand_sample(course.heard, VERTICAL)
         if not hand.stop:
             rest = self.parameters.read(TherapySettings).rest_height
-            course.support.lower(hand.z, rest, now_ns)
+            course.arm.lower(hand.z, rest, now_ns)
         return hand.stop
 
     def _act(self, name: str, *reason: str) -> str:
@@ -475,7 +463,7 @@ class TherapySessionNode(Node):
         session = self.course.session
         values: dict[str, object] = {
             "recording": self._recording.message,
-            "support [N]": self.course.support.force,
+            "support [N]": self.course.arm.force,
         }
         if session is None:
             return Health(OK, "no session", values)

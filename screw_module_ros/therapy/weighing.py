@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Generator, Sequence
-from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from ..control.limits import clamp
@@ -58,13 +57,6 @@ class WeighingSettings(NamedTuple):
     ] = 0.0  # ours
 
 
-class Hanging(NamedTuple):
-    """What hangs on the handle: weight, mean of the places [N]; spread, largest less smallest."""
-
-    weight: float
-    spread: float
-
-
 def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
     """Return where the arm is weighed [m]: near, far, high, within the ranges of x, y, z [m]."""
     _, (_, depth), (low, high) = ranges
@@ -75,8 +67,9 @@ def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
 class Weighing:
     """One dialogue, from the empty cradle to a weight, or to the sentence that refuses it.
 
-    is_on: it goes on; wish: requested slots; support: requested, upward [N]; told: what it waits
-    for or has found, a sentence; result: None before the end, and when it was refused.
+    is_on: it goes on; wish: requested slots; support: requested, upward, and left to the arm when
+    it is over [N]; told: what it waits for or has found, a sentence; result: mean of the places,
+    and spread, largest less smallest [N]; None before the end, and when it was refused.
     """
 
     def __init__(self, where: Sequence[Point], cradle: float = 0.0):
@@ -86,11 +79,10 @@ class Weighing:
         """
         self.is_on, self.wish, self.support = True, NO_SLOT, 0.0
         self.told = "keep off the handle: the empty cradle is measured"
-        self.result: Hanging | None = None
+        self.result: tuple[float, float] | None = None
         self._where, self._cradle = where, cradle
         self._waits = False  # for the arm to be strapped in
         self._left = ""  # why the hanging arm is brought back before the end
-        self._zero: Point = (0.0, 0.0, 0.0)
         self._course = self._dialogue()
         next(self._course)
 
@@ -101,120 +93,88 @@ class Weighing:
         else:
             self.leave("not weighed: the therapist ended it")
 
-    def leave(self, told: str) -> None:
-        """End it, and bring back an arm that hangs."""
+    def leave(self, told: str, at_once: bool = False) -> None:
+        """End it, and bring back an arm that hangs, but where it must end at once."""
+        if at_once or self.wish is NO_SLOT:
+            self._end(told)
         self._left = self._left or told
-        if self.wish is NO_SLOT:
-            self.stop(told)
 
-    def stop(self, told: str) -> None:
-        """End it at once, without slots and support."""
-        if self.is_on:
-            self.is_on, self.wish, self.support, self.told = False, NO_SLOT, 0.0, told
+    def _end(self, told: str) -> None:
+        self.is_on, self.wish, self.told = False, NO_SLOT, told
 
     def take(self, sample: HandSample) -> None:
         """Process one sample; one with `stop` ends it as soon as the robot holds the arm."""
         if not self.is_on:
             return
         if not plausible(SPACE, sample) or not all(map(math.isfinite, sample.force)):
-            self.stop("not weighed: where the hand is, its speed or its force is not known")
+            self._end("not weighed: where the hand is, its speed or its force is not known")
         elif sample.stop and self.wish is not NO_SLOT:
-            self.stop(f"not weighed: {sample.stop}")
+            self._end(f"not weighed: {sample.stop}")
         else:
-            with suppress(StopIteration):
+            try:
                 self._course.send(sample)
+            except StopIteration as over:
+                self._end(over.value)
 
-    def _dialogue(self) -> Generator[None, HandSample, None]:
+    def _dialogue(self) -> Generator[None, HandSample, str]:
+        """Return what has come out, a sentence."""
         samples = yield from self._during(_EMPTY)
-        self._zero, varies = _force_of(samples)
-        shown, zero_ns = math.hypot(*self._zero), samples[-1].time_ns
+        zero, varies = _force_of(samples)
+        shown = math.hypot(*zero)
         if shown > _ZERO or varies > _VARIES:
-            self.stop(
+            return (
                 f"not weighed: the empty cradle shows {shown:.1f} N ({_ZERO:g} N at most), varying "
                 f"by {varies:.1f} N ({_VARIES:g} N at most): take everything off the handle; if "
                 "that stays, tare the force sensor with the torque off; then weigh again"
             )
-            return
         self.told = "strap the arm in and lay it down, then press again and let it hang"
         strapped = yield from self._strapped()
-        age = (strapped.time_ns - zero_ns) * _NS
+        age = (strapped.time_ns - samples[-1].time_ns) * _NS
         if age > _OLDEST:
-            self.stop(
+            return (
                 f"not weighed: the empty cradle was measured {age / 60.0:.0f} min ago "
                 f"({_OLDEST / 60.0:g} min at most): take the arm out, then weigh again"
             )
-            return
-        last, end = yield from self._hung(strapped)
+        last, result, end = yield from self._hung(strapped, zero)
         self.told = f"{end}; the arm is brought back"
         self._guide(last, strapped.position)
         while (passed := ((yield).time_ns - last.time_ns) * _NS) < _WAY + _SETTLE + _HANG:
-            if passed >= _WAY + _SETTLE and self.result is None:
+            if passed >= _WAY + _SETTLE and result is None:
                 self.support = 0.0  # not trusted, and it lies again where it lay without
-        self.stop(end)
+        self.result = result
+        return end
 
     def _strapped(self) -> Generator[None, HandSample, HandSample]:
         """Wait for the therapist, and until the robot can hold the arm; return that sample."""
-        self._waits = True
         while True:
-            sample = yield
-            if self._waits:
-                continue
+            self._waits = True
+            while self._waits:
+                sample = yield
             if not sample.stop:
                 return sample
-            self._waits = True
             self.told = f"the robot cannot hold the arm: {sample.stop}; mend that, then press again"
 
-    def _hung(self, last: HandSample) -> Generator[None, HandSample, tuple[HandSample, str]]:
-        """Weigh at all places; return the last sample, and what has come out, a sentence."""
+    def _hung(
+        self, last: HandSample, zero: Point
+    ) -> Generator[None, HandSample, tuple[HandSample, tuple[float, float] | None, str]]:
+        """Weigh at all places; return the last sample, the result, and a sentence on it.
+
+        zero: force of the empty cradle [N].
+        """
         found: list[float] = []
         for name, place in zip(PLACES, self._where, strict=True):
             self.told = f"let it hang: {name}, {len(found) + 1} of {len(PLACES)}"
             self._guide(last, place)
             yield from self._during(_WAY + _SETTLE)
             samples = yield from self._during(_HANG)
-            last, (force, _) = samples[-1], _force_of(samples)
+            last = samples[-1]
             if self._left:
-                return last, self._left
-            if flaw := self._flaw(samples, name, place):
-                return last, f"not weighed: {flaw}, then weigh again"
-            found.append(self._zero[2] - force[2] - self._cradle)
+                return last, None, self._left
+            if flaw := _flaw(samples, zero, name, place):
+                return last, None, f"not weighed: {flaw}, then weigh again"
+            found.append(zero[2] - _force_of(samples)[0][2] - self._cradle)
             self.support = clamp(statistics.fmean(found), 0.0, _HEAVIEST)
-        return last, self._weighed(found)
-
-    def _flaw(self, samples: Sequence[HandSample], name: str, place: Point) -> str:
-        """Return why what hung there is not the arm's weight, and what to do; else nothing."""
-        force, varies = _force_of(samples)
-        away, speed = distance(SPACE, samples[-1].position, place), _speed(samples)
-        pull = max(abs(force[axis] - self._zero[axis]) for axis in (0, 1))
-        guards = (
-            (len(samples) < _LEAST * _HANG,
-             f"{len(samples)} samples in {_HANG:g} s ({_LEAST * _HANG:g} at least): wait a moment"),
-            (away > _REACH,
-             f"the hand is {away * 1e3:.0f} mm from the place {name} ({_REACH * 1e3:g} mm at "
-             "most): free its way, and choose a mode other than 0"),
-            (varies >= _VARIES,
-             f"the weight varies by {varies:.1f} N ({_VARIES:g} N at most), he helps or trembles: "
-             "let him loosen the arm"),
-            (speed >= _SPEED,
-             f"the hand moves by {speed * 1e3:.0f} mm/s ({_SPEED * 1e3:g} mm/s at most): let it "
-             "hang still"),
-            (pull >= _PULL,
-             f"the arm pulls by {pull:.1f} N to a side ({_PULL:g} N at most): stretch it slowly"),
-        )  # fmt: skip
-        return next((sentence for is_bad, sentence in guards if is_bad), "")
-
-    def _weighed(self, found: Sequence[float]) -> str:
-        """Keep the result of all places [N]; return what is told of it."""
-        weight, spread = statistics.fmean(found), max(found) - min(found)
-        if not _LIGHTEST <= weight <= _HEAVIEST:
-            return (
-                f"not weighed: {weight:.1f} N hang on the handle (from {_LIGHTEST:g} to "
-                f"{_HEAVIEST:g} N wanted): is the arm strapped in and loose, and nothing else on "
-                "the handle? Then weigh again"
-            )
-        self.result = Hanging(weight, spread)
-        differs = f"; heavier far out: support the mean, expect ±{0.5 * spread:.1f} N"
-        return f"the arm weighs {weight:.1f} N{differs if spread >= _DIFFERS else ''}"
+        return last, *_weighed(found)
 
     def _guide(self, sample: HandSample, to: Point) -> None:
         x, y, z = sample.position
@@ -229,6 +189,42 @@ class Weighing:
         while (samples[-1].time_ns - samples[0].time_ns) * _NS < time and not self._left:
             samples.append((yield))
         return samples
+
+
+def _flaw(samples: Sequence[HandSample], zero: Point, name: str, place: Point) -> str:
+    """Return why what hung there is not the arm's weight, and what to do; else nothing."""
+    force, varies = _force_of(samples)
+    away, speed = distance(SPACE, samples[-1].position, place), _speed(samples)
+    pull = max(abs(force[axis] - zero[axis]) for axis in (0, 1))
+    guards = (
+        (len(samples) < _LEAST * _HANG,
+         f"{len(samples)} samples in {_HANG:g} s ({_LEAST * _HANG:g} at least): wait a moment"),
+        (away > _REACH,
+         f"the hand is {away * 1e3:.0f} mm from the place {name} ({_REACH * 1e3:g} mm at "
+         "most): free its way, and choose a mode other than 0"),
+        (varies >= _VARIES,
+         f"the weight varies by {varies:.1f} N ({_VARIES:g} N at most), he helps or trembles: "
+         "let him loosen the arm"),
+        (speed >= _SPEED,
+         f"the hand moves by {speed * 1e3:.0f} mm/s ({_SPEED * 1e3:g} mm/s at most): let it "
+         "hang still"),
+        (pull >= _PULL,
+         f"the arm pulls by {pull:.1f} N to a side ({_PULL:g} N at most): stretch it slowly"),
+    )  # fmt: skip
+    return next((sentence for is_bad, sentence in guards if is_bad), "")
+
+
+def _weighed(found: Sequence[float]) -> tuple[tuple[float, float] | None, str]:
+    """Return the result of all places [N], None for one that cannot be, and a sentence on it."""
+    weight, spread = statistics.fmean(found), max(found) - min(found)
+    if not _LIGHTEST <= weight <= _HEAVIEST:
+        return None, (
+            f"not weighed: {weight:.1f} N hang on the handle (from {_LIGHTEST:g} to "
+            f"{_HEAVIEST:g} N wanted): is the arm strapped in and loose, and nothing else on "
+            "the handle? Then weigh again"
+        )
+    differs = f"; heavier far out: support the mean, expect ±{0.5 * spread:.1f} N"
+    return (weight, spread), f"the arm weighs {weight:.1f} N{differs if spread >= _DIFFERS else ''}"
 
 
 def _force_of(samples: Sequence[HandSample]) -> tuple[Point, float]:

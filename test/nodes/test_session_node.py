@@ -40,6 +40,7 @@ from screw_module_ros.nodes.therapy_recording import (
 )
 from screw_module_ros.nodes.therapy_session import Course
 from screw_module_ros.nodes.wish_relay import WishRelay
+from screw_module_ros.therapy.arm import Arm
 from screw_module_ros.therapy.attendance import Attendance
 from screw_module_ros.therapy.hand import PLANE, SAFETY_OK, hand_sample
 from screw_module_ros.therapy.protocol_file import protocol_text
@@ -338,9 +339,9 @@ def test_a_hand_of_unknown_position_is_let_go_as_soon_as_it_is_known(relay, allo
 
 
 @pytest.mark.parametrize(("age_s", "expected"), [(0.1, HAND), (0.5, None)])
-def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
+def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected, tmp_path):
     """Else the first wish, or the release, would pull from a place that the hand has left."""
-    course = Course(Attendance())
+    course = Course(Attendance(), Arm(tmp_path, lambda: 0))
     assert course.hand(10 * S) is None, "nothing was heard yet"
     course.sample, course.sampled_ns = hand_sample(at_hand(5), PLANE), 10 * S
     assert course.hand(10 * S + round(age_s * S)) == expected
@@ -578,6 +579,28 @@ def test_what_was_lowered_of_one_is_not_carried_again_of_another(room):
     assert room.call("~/start", START) == ""
     assert room.call("~/pause") == "" and room.call("~/resume") == ""
     assert room.state.support == 0.0
+
+
+@pytest.mark.parametrize(("patient", "side", "support"), [
+    ("P-7K3QX", "left", 12.0), ("P-7K3QX", "right", 0.0), ("P-22222", "left", 0.0),
+])  # fmt: skip
+def test_what_one_was_carried_with_is_not_asked_for_another(room, patient, side, support):
+    """The next patient's arm would be pressed up by what the last one needed."""
+    first = StartTherapy.Request(protocol="evaluation", patient="P-7K3QX", side="left")
+    assert room.call("~/start", first) == "" and room.ask(12.0) == ""
+    assert room.call("~/abort") == "" and room.state.support == 12.0
+    then = StartTherapy.Request(protocol="evaluation", patient=patient, side=side)
+    assert room.call("~/start", then) == ""
+    assert room.state.support == room.slots[-1].support == support
+
+
+def test_what_is_asked_for_before_a_patients_first_session_is_his(room):
+    assert room.call("~/start", START) == "" and room.ask(12.0) == ""
+    assert room.call("~/abort") == "" and room.ask(9.0) == ""
+    then = StartTherapy.Request(protocol="evaluation", patient="P-22222")
+    assert room.call("~/start", then) == ""
+    room.go_on(0.5)
+    assert room.state.support == 9.0
 
 
 def test_nothing_is_lowered_without_torque(room):
