@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as version_of
+from importlib import metadata
 from pathlib import Path
 
 UNKNOWN = "unknown"
@@ -15,8 +14,8 @@ UNKNOWN = "unknown"
 def version() -> str:
     """Return the version of this package, "unknown" where it is not installed."""
     try:
-        return version_of("screw_module_ros")
-    except PackageNotFoundError:
+        return metadata.version("screw_module_ros")
+    except metadata.PackageNotFoundError:
         return UNKNOWN
 
 

@@ -18,6 +18,7 @@ stops the handle until a hand holds it again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -80,17 +81,15 @@ class SupportSettings(NamedTuple):
 class SupportState:
     """Memory of the support.
 
-    force: S in use [N]; light: the hand presses on no axis, since when the handle had this speed
-    along S at least, `slowest` [m/s]; hand_off: the hand has left; held: time for which it presses
-    again [s]; returns: S comes back after that.
+    force: S in use [N]; slowest: least speed of the handle along S since the hand presses on no
+    axis [m/s], infinite while it does; hand_off: the hand has left; held: time for which it presses
+    again, kept until S is back [s].
     """
 
     force: float = 0.0
-    light: bool = False
-    slowest: float = 0.0
+    slowest: float = math.inf
     hand_off: bool = False
     held: float = 0.0
-    returns: bool = False
 
 
 class SupportInput(NamedTuple):
@@ -127,18 +126,19 @@ def support_step(p: SupportSettings, s: SupportState, u: SupportInput, dt: float
     nothing towards it: a wish then counts as none, a force as a hand.
     """
     if not u.acts or not dt > 0.0:
-        s.force, s.light, s.hand_off, s.held, s.returns = 0.0, False, False, 0.0, False
+        s.force, s.slowest, s.hand_off, s.held = 0.0, math.inf, False, 0.0
         return 0.0
     dt = min(dt, LONGEST_STEP)
     asked = u.wish == u.wish and u.largest > 0.0
     wanted = clamp(u.wish, -min(p.down, u.largest), u.largest) if asked else 0.0
-    _watch(p, s, u, dt)
     rate = p.rate if asked else p.fade_rate
-    s.returns = s.returns and asked and abs(s.force) < abs(wanted)
-    if s.returns:
-        rate = p.back_rate
+    _watch(p, s, u, dt)
     if s.hand_off:
         wanted, rate = 0.0, p.off_rate
+    elif s.held > 0.0 and asked and abs(s.force) < abs(wanted):
+        rate = p.back_rate
+    else:
+        s.held = 0.0
     s.force = slew(s.force, wanted, rate * dt)
     if not s.hand_off:
         return s.force
@@ -154,13 +154,10 @@ def _watch(p: SupportSettings, s: SupportState, u: SupportInput, dt: float) -> N
     if s.hand_off:
         presses = abs(u.force) > p.back_force or u.side > p.back_force
         s.held = s.held + dt if presses else 0.0
-        s.returns = s.held >= p.back_time
-        s.hand_off = not s.returns
-        s.light = False
+        s.hand_off = s.held < p.back_time
+        s.slowest = math.inf
         return
-    s.held = 0.0
     along = u.velocity if s.force > 0.0 else -u.velocity
     light = abs(u.force) < p.off_force and u.side < p.off_force and abs(s.force) >= p.off_from
-    s.slowest = min(s.slowest, along) if s.light else along
-    s.light = light
-    s.hand_off = light and along - s.slowest > p.off_gain
+    s.slowest = min(s.slowest, along) if light else math.inf
+    s.hand_off = along - s.slowest > p.off_gain

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..plant.patient import ArmForce, HandPath, resting
 from .force_error import with_damping
@@ -30,29 +31,27 @@ _KEPT = 0.95  # share of the support that is no loss
 
 
 class Case(NamedTuple):
-    """One trial. law, arm, weight [N], centre [m] and parts of it; figures: their names, of
-    `study.FIGURES`, with first: from when they count [s]."""
+    """One trial, in a mode and with a grip that are given later.
+
+    figures: their names, of `study.FIGURES`, with first: from when they count [s].
+    """
 
     figures: tuple[str, ...]
-    law: VerticalSettings
-    arm: Arm
-    weight: float
-    parts: tuple[Part, ...]
+    trial: CarryTrial
     first: float = 0.0
-    centre: float = CENTRE
 
-    def trial(self, mode: int, grip: ArmForce) -> CarryTrial:
+    def made(self, mode: int, grip: ArmForce) -> CarryTrial:
         """Return the trial in a mode, with the grip of a hand."""
-        law = with_damping(self.law, mode)
-        motion = MotionTrial(mode, law, arm=self.arm, centre=self.centre)
-        return CarryTrial(motion, self.weight, self.parts, grip)
+        motion = self.trial.motion
+        law = with_damping(motion.settings, mode)
+        return self.trial._replace(motion=motion._replace(mode=mode, settings=law), grip=grip)
 
     def judged(self, samples: Samples) -> dict[str, float]:
         """Return the figures of its samples."""
         period = float(samples.time[1] - samples.time[0])
         first, last = round(self.first / period), round(_MEAN_S / period)
-        (handle, velocity, force), wish = samples.felt, self.parts[-1].support
-        z, rest = handle[first:], handle[-last:].mean() - self.centre
+        (handle, velocity, force), wish = samples.felt, self.trial.parts[-1].support
+        z, rest = handle[first:], handle[-last:].mean() - self.trial.motion.centre
         found = {
             "sunk": -1e3 * rest,
             "off": 1e3 * abs(rest),
@@ -66,8 +65,15 @@ class Case(NamedTuple):
         return {name: float(found[name]) for name in self.figures}
 
 
+def _trial(
+    law: VerticalSettings, arm: Arm, weight: float, *parts: Part, centre: float = CENTRE
+) -> CarryTrial:
+    """Return the trial of an arm of a weight [N] about a centre [m]."""
+    return CarryTrial(MotionTrial(modes.OFF, law, arm=arm, centre=centre), weight, parts)
+
+
 def _hanging(weight: float, support: float, *figures: str) -> Case:
-    return Case(figures, _SPRING, _LIMP, weight, (Part(8.0, resting(CENTRE), support),))
+    return Case(figures, _trial(_SPRING, _LIMP, weight, Part(8.0, resting(CENTRE), support)))
 
 
 def _to(start: float, end: float, seconds: float) -> HandPath:
@@ -79,21 +85,21 @@ def _released(support: float, law: VerticalSettings) -> Case:
     weight, arm = (support, _LIMP) if support > 0.0 else (0.0, _ABLE)
     held = Part(3.0, resting(CENTRE), support)
     gone = held._replace(seconds=2.0, there=False)
-    return Case(("flown", "flying"), law, arm, weight, (held, gone), held.seconds)
+    return Case(("flown", "flying"), _trial(law, arm, weight, held, gone), held.seconds)
 
 
 def _reaching(support: float, seconds: float) -> Case:
     """Return six reaches of 0.24 m up and down, after one to where they begin."""
     ends = [0.0, *(0.12 if turn % 2 == 0 else -0.12 for turn in range(_REACHES + 1))]
     ways = zip(ends, ends[1:], strict=False)
-    parts = tuple(Part(_AGAIN_S, _to(start, end, seconds), support) for start, end in ways)
-    return Case(("lost",), _DAMPED, _ABLE, 20.0, parts, _AGAIN_S)
+    parts = (Part(_AGAIN_S, _to(start, end, seconds), support) for start, end in ways)
+    return Case(("lost",), _trial(_DAMPED, _ABLE, 20.0, *parts), _AGAIN_S)
 
 
 def _without_torque(braked: bool) -> Case:
     held = Part(3.0, resting(_HIGH), 20.0)
     off = held._replace(seconds=_FALL_S + 0.1, powered=False, braked=braked)
-    return Case(("fallen",), _SPRING, _LIMP, 20.0, (held, off), held.seconds, _HIGH)
+    return Case(("fallen",), _trial(_SPRING, _LIMP, 20.0, held, off, centre=_HIGH), held.seconds)
 
 
 CASES = {
@@ -101,11 +107,11 @@ CASES = {
     "hangs, 12 N, carried": _hanging(12.0, 12.0, "off", "rest"),
     "hangs, 20 N, carried": _hanging(20.0, 20.0, "off", "rest"),
     "held still by a hand, +20 N": Case(
-        ("rest",), _NONE, _ABLE, 20.0, (Part(4.0, _to(-0.05, 0.05, 1.0), 20.0),)
+        ("rest",), _trial(_NONE, _ABLE, 20.0, Part(4.0, _to(-0.05, 0.05, 1.0), 20.0))
     ),
     "moved, 0.1 m/s, +20 N": Case(
-        ("error",), _NONE, _ABLE, 20.0,
-        (Part(15.0, HandPath(CENTRE, CENTRE, 0.0, 0.0, 0.12, 0.84, 0.0), 20.0),),
+        ("error",), _trial(_NONE, _ABLE, 20.0,
+                           Part(15.0, HandPath(CENTRE, CENTRE, 0.0, 0.0, 0.12, 0.84, 0.0), 20.0)),
     ),
     **{
         f"let go, {support:+g} N, {word}": _released(support, law)

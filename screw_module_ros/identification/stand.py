@@ -162,56 +162,17 @@ class SimulatedStand:
             state = state._replace(ticks=0)
             params = params._replace(path=hand.path)
         if isinstance(trial, StageTrial):
-            rows, state = self._driven(trial, law, params, state, on_progress)
+            parts = _driven(trial, params)
         elif carries:
-            rows, state = self._carried(carries, law, params, state, on_progress)
+            parts = _carried(carries, params)
         else:
-            rows, state = self._moved(duration_of(trial), hand, law, params, state, on_progress)
+            parts = _moved(duration_of(trial), hand, params)
+        rows = []
+        for own, seconds in parts:
+            samples, state = self._ticks(law, own, state, seconds, on_progress)
+            rows.append(samples)
         force, torque, _ = self._zero(law, params, state)
-        return samples_of(rows, params, force, torque)
-
-    def _driven(
-        self, trial: StageTrial, law: Law, params: LoopParams, state: LoopState,
-        on_progress: OnProgress,
-    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
-        """Return the samples of each of the stage's ways, with its braking."""
-        ways = []
-        for _, end in trial.ways:
-            seconds = duration_of(trial) / len(trial.ways) + _BRAKING_S
-            there = params._replace(stage_target=float(end))
-            rows, state = self._ticks(law, there, state, seconds, on_progress)
-            ways.append(rows)
-        return np.concatenate(ways), state
-
-    def _carried(
-        self, trial: CarryTrial, law: Law, params: LoopParams, state: LoopState,
-        on_progress: OnProgress,
-    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
-        """Return the samples of the parts, one after the other."""
-        parts = []
-        for part in trial.parts:
-            begin = part.path.begin + state.ticks * params.period
-            own = params._replace(
-                path=part.path._replace(begin=begin), wish=part.support, powered=part.powered,
-                braked=part.braked, fixture=HUMAN_ARM if part.there else FREE,
-            )  # fmt: skip
-            rows, state = self._ticks(law, own, state, part.seconds, on_progress)
-            parts.append(rows)
-        return np.concatenate(parts), state
-
-    def _moved(
-        self, length: float, hand: HandTrial | None, law: Law, params: LoopParams,
-        state: LoopState, on_progress: OnProgress,
-    ) -> tuple[np.ndarray, LoopState]:  # fmt: skip
-        """Return the samples; the hand lets go, or the mode changes, between two of them."""
-        until, later = length, params
-        if hand and hand.motion.released_after < until:
-            until, later = hand.motion.released_after, params._replace(fixture=FREE)
-        if hand and hand.switched_after < until:
-            until, later = hand.switched_after, params._replace(mode=hand.then_mode)
-        rows, state = self._ticks(law, params, state, until, on_progress)
-        changed, state = self._ticks(law, later, state, length - until, on_progress)
-        return np.concatenate((rows, changed)), state
+        return samples_of(np.concatenate(rows), params, force, torque)
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return the transducer's reading without load, a mean of half a second."""
@@ -368,6 +329,38 @@ def asked_for(quiet: LoopParams, trial: LoopTrial) -> LoopParams:
         path=resting(float(trial.centre)),
         side_force=float(trial.side_force),
     )
+
+
+def _driven(trial: StageTrial, params: LoopParams) -> list[tuple[LoopParams, float]]:
+    """Return the parameters of each of the stage's ways, and its time with the braking [s]."""
+    seconds = duration_of(trial) / len(trial.ways) + _BRAKING_S
+    return [(params._replace(stage_target=float(end)), seconds) for _, end in trial.ways]
+
+
+def _carried(trial: CarryTrial, params: LoopParams) -> list[tuple[LoopParams, float]]:
+    """Return the parameters of each part, and its time [s]."""
+    parts, ticks = [], 0
+    for part in trial.parts:
+        begin = part.path.begin + ticks * params.period
+        own = params._replace(
+            path=part.path._replace(begin=begin), wish=part.support, powered=part.powered,
+            braked=part.braked, fixture=HUMAN_ARM if part.there else FREE,
+        )  # fmt: skip
+        parts.append((own, part.seconds))
+        ticks += round(part.seconds / params.period)
+    return parts
+
+
+def _moved(
+    length: float, hand: HandTrial | None, params: LoopParams
+) -> list[tuple[LoopParams, float]]:
+    """Return the parameters until the hand lets go or the mode changes, and after, with times."""
+    until, later = length, params
+    if hand and hand.motion.released_after < until:
+        until, later = hand.motion.released_after, params._replace(fixture=FREE)
+    if hand and hand.switched_after < until:
+        until, later = hand.switched_after, params._replace(mode=hand.then_mode)
+    return [(params, until), (later, length - until)]
 
 
 def _hand_in(trial: Trial) -> HandTrial | None:

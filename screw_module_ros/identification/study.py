@@ -321,7 +321,7 @@ def measured_carrying(
     """Return the figures of one case of a carried arm on one rig; laws: of other packages."""
     rig, case = drawn(family, seed), CARRYING[name]
     stand = SimulatedStand(rig.world, rig.loop, seed, laws)
-    return case.judged(stand.record(case.trial(kind.mode, rig.grip), lambda share: None))
+    return case.judged(stand.record(case.made(kind.mode, rig.grip), lambda share: None))
 
 
 class Subject(NamedTuple):

@@ -111,11 +111,9 @@ class VerticalController:
         slot = self.guide.guidance(sample.position, 0.0, sample.velocity, 0.0, now_ns, dt)
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
-        support = 0.0
-        if not self.support.idle(now_ns):
-            acts, hand = active and not excites, self._hand
-            largest = self.support_limit
-            support = self.support.force(largest, acts, sample.velocity, hand, now_ns, dt)
+        support = self.support.force(
+            self.support_limit, active and not excites, sample.velocity, self._hand, now_ns, dt
+        )
         # Where no spring pulls, a set point that nobody repeats is forgotten too.
         pulls = active and self.mode not in _NO_SPRING
         target, target_speed = self.wanted.at(now_ns, pulls)

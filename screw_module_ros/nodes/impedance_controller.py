@@ -425,7 +425,8 @@ class ImpedanceControllerNode(Node):
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot, amplifier state and resets, if they come by a topic."""
         controller, inputs = self.role, self.inputs
-        inputs.slot.read(controller.guide, now_ns, controller.support)
+        if slot := inputs.slot.read(controller.guide, now_ns):
+            controller.support.ask(slot.support, now_ns)
         wanted = inputs.setpoint()
         if wanted is not None:
             controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)

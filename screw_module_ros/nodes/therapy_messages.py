@@ -35,13 +35,12 @@ def fill_slot(message: TherapySlot, wish: SlotWish, support: float) -> None:
     if vertical is not None:
         message.start.z, message.target.z = vertical.start_x, vertical.target_x
     if wish.hold is not None:
-        hold = wish.hold.slot
-        message.held = [not wish.hold.vertical, wish.hold.vertical]
-        message.hold_stiffness = hold.side_stiffness
-        if wish.hold.vertical:
-            message.start.z = hold.start_x
+        (x, y, z), is_z, message.hold_stiffness = wish.hold
+        message.held = [not is_z, is_z]
+        if is_z:
+            message.start.z = z
         else:
-            message.start.x, message.start.y = hold.start_x, hold.start_y
+            message.start.x, message.start.y = x, y
     slot = plane or vertical
     for name in _SLOT_NUMBERS if slot is not None else ():
         setattr(message, name, getattr(slot, name))
@@ -54,6 +53,7 @@ def fill_state(
     message.patient, message.protocol = patient, session.protocol.name
     message.sequence = sample.sequence if sample else 0
     message.state, message.reason = session.state, session.reason
+    message.state_since = session.since
     message.trials = session.trials
     message.duration, message.side_stiffness = session.assistance
     message.hit_radius = session.protocol.rules.hit_radius

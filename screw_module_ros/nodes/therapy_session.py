@@ -60,7 +60,7 @@ _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
-_NOT_YET = "no endpoint_state has come yet"
+_NOT_YET, _SILENT = "no endpoint_state has come yet", f"{graph.ENDPOINT_STATE} is silent"
 _PULLS_HARD = "the arm pulls hard"
 
 
@@ -110,17 +110,11 @@ class Course:
         """Whether a session runs, or may go on."""
         return self.session is not None and self.session.state in UNDER_WAY
 
-    @property
-    def progress(self) -> tuple[State, str, Any] | None:
-        """State, reason and phase of the session, None without one."""
-        if self.session is None:
-            return None
-        trial = self.session.trial
-        return self.session.state, self.session.reason, trial and trial.phase
-
-    def silent(self, now_ns: int) -> bool:
-        """Return whether no sample of the hand has come lately, at now_ns [ns]."""
-        return self.sampled_ns is None or now_ns - self.sampled_ns > _SILENT_NS
+    def silent(self, now_ns: int) -> str:
+        """Return that no sample of the hand has come lately, at now_ns [ns]; empty if one has."""
+        if self.sampled_ns is None:
+            return _NOT_YET
+        return _SILENT if now_ns - self.sampled_ns > _SILENT_NS else ""
 
     def hand(self, now_ns: int) -> Point | None:
         """Return the hand's position [m] at now_ns [ns], None if it is not known."""
@@ -128,7 +122,7 @@ class Course:
 
 
 def _arm_of(request: StartTherapy.Request) -> tuple[str, str]:
-    """Return pseudonym and side of a request. Raises ValueError for what is none; no side may be."""
+    """Return pseudonym and side, which may be empty. Raises ValueError for what is neither."""
     if request.side not in ("", *Arms._fields):
         raise ValueError(f"side = {request.side[:20]!r}: left or right is wanted, or nothing")
     return checked_pseudonym(request.patient), request.side
@@ -203,7 +197,7 @@ class TherapySessionNode(Node):
         now_ns = self.clock.now_ns()
         self.course.arm.let_go("the node was stopped")
         if self.course.session is not None:
-            self._change(self.course.session, self.course.session.abort, "the node was stopped")
+            self.course.session.abort("the node was stopped")
             self._send(now_ns)
         self._recording.close()
         self._relay_wishes(now_ns, ends=True)
@@ -236,17 +230,15 @@ class TherapySessionNode(Node):
         sample = hand_sample(message, session.protocol.space if session else PLANE)
         course.sample = sample = sample._replace(support=arm.in_use)
         if session is not None:
-            before = session.state
             self._publish(session, session.take(sample))
-            self._note_state(session, before)
-            if session.state == State.RUNNING and not math.isnan(session.carried.force):
+            if session.state == State.RUNNING:
                 arm.ask(session.carried.force)
         if arm.weighing:
             arm.weighing.take(hand_sample(message, SPACE))
         if arm.pulls_hard(sample):  # it stays carried
             arm.let_go(_PULLS_HARD)
             if session is not None and session.trial and session.trial.kind != STRENGTH:
-                self._change(session, session.pause, _PULLS_HARD)
+                session.pause(_PULLS_HARD)
 
     def _set_support(self, force: float) -> None:
         """Ask for a support by hand [N]; it ends the fade of a session's block."""
@@ -258,31 +250,16 @@ class TherapySessionNode(Node):
         session.carried.set_by_hand(course.arm.force)
         course.state.support_since = course.sample.sequence
 
-    def _note_state(self, session: Session, before: State) -> None:
-        """Record the sample after which a state began: a replay needs it."""
-        course = self.course
-        if session.state != before:
-            course.state.state_since = course.sample.sequence if course.sample else 0
-
     def _watch(self, now_ns: int) -> None:
         """Pause the session when its samples stop or the therapist's page is silent."""
         if self._take_attendance() is not None:
             self.course.attendance.hear(now_ns)
         silent, session = self.course.silent(now_ns), self.course.session
-        reason = self.course.attendance.pause_reason(now_ns)
-        if silent:
-            reason = f"{graph.ENDPOINT_STATE} is silent"
+        reason = silent or self.course.attendance.pause_reason(now_ns)
         if reason and self.course.arm.weighing:
-            self.course.arm.weighing.leave(f"not weighed: {reason}", at_once=silent)
+            self.course.arm.weighing.leave(f"not weighed: {reason}", at_once=bool(silent))
         if reason and session is not None:
-            self._change(session, session.pause, reason)
-
-    def _change(self, session: Session, act: Callable[..., None], *reason: str) -> bool:
-        """Apply an operator's action, a method of the session; return whether its state changed."""
-        before = session.state
-        act(*reason)
-        self._note_state(session, before)
-        return session.state != before
+            session.pause(reason)
 
     def _follow_recorder(self, now_ns: int) -> None:
         """Begin once the recording hears us, and do not go on unrecorded without being told to."""
@@ -292,11 +269,11 @@ class TherapySessionNode(Node):
             return
         news = self._recording.follow(self.course.is_under_way, now_ns)
         if news == REFUSED:
-            self._change(session, session.abort, self._recording.message)
+            session.abort(self._recording.message)
         elif news == LOST:
-            self._change(session, session.pause, self._recording.message)
+            session.pause(self._recording.message)
         elif news == BEGUN:
-            self._change(session, session.begin)
+            session.begin()
 
     def _publish(self, session: Session, outcome: Outcome) -> None:
         name, (result, change) = session.protocol.name, outcome
@@ -312,16 +289,13 @@ class TherapySessionNode(Node):
         self.stamp(message.header)
         publish(message)
 
-    def _guides(self) -> tuple[SlotWish, float]:
-        """Return the slots that guide the hand now, and the support of the arm [N]."""
-        arm, session = self.course.arm, self.course.session
-        return arm.wish or (session.wish if session else NO_SLOT), arm.force
-
     def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
         course, session, state = self.course, self.course.session, self.course.state
         state.monotonic_ns = now_ns
-        news, last = (course.progress, *self._guides()), course.sent
+        wish = course.arm.wish or (session.wish if session else NO_SLOT)
+        progress = session.progress if session else None
+        news, last = (progress, wish, course.arm.force), course.sent
         if not (course.due(now_ns) or news != last):
             return
         course.sent = news
@@ -369,9 +343,9 @@ class TherapySessionNode(Node):
         course = self.course
         if course.session is not None and course.is_under_way:
             return f"a session of {course.patient} is {course.session.state.word}: end it first"
-        if course.sample is None or course.arm.led:
-            return course.arm.led or _NOT_YET
-        now_ns = self.clock.now_ns()
+        sample, now_ns = course.sample, self.clock.now_ns()
+        if sample is None or course.silent(now_ns) or course.arm.led:
+            return course.silent(now_ns) or course.arm.led
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
         course.arm.know(patient, request.side)
@@ -383,16 +357,16 @@ class TherapySessionNode(Node):
         course.patient, course.definition = patient, definition
         course.state.side, course.state.checks = request.side, request.checks
         course.state.definition_sha256 = sha256(definition)
-        course.session = Session(protocol, _WAITS if request.record else "", weight)
-        course.state.support_since = 0
+        awaits = _WAITS if request.record else ""
         course.arm.begin()
+        course.session = Session(protocol, awaits, weight, course.arm.force, sample.sequence)
+        course.state.support_since = 0
         course.sent = (None, *course.sent[1:])
-        course.state.state_since = course.sample.sequence
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
-        lets_go = not course.arm.hangs(course.sample)
-        self._wishes.begin(self.parameters.read(WishLimits, "wish"), now_ns, lets_go)
+        hand = None if course.arm.hangs(sample) else sample.position
+        self._wishes.begin(self.parameters.read(WishLimits, "wish"), hand, now_ns)
         return ""
 
     def _weigh(self, request: StartTherapy.Request) -> str:
@@ -403,15 +377,15 @@ class TherapySessionNode(Node):
             raise ValueError("side: left or right is wanted: which arm is it?")
         if course.is_under_way:
             return "a session is under way: weigh before it, or end it first"
-        if course.sample is None or arm.lowering:
-            return arm.led or _NOT_YET
-        limits = self.parameters.read(WishLimits, "wish")
+        now_ns, limits = self.clock.now_ns(), self.parameters.read(WishLimits, "wish")
         if not arm.weighing:
-            course.attendance.begin(request.attended, self.clock.now_ns())
-            self._wishes.begin(limits, self.clock.now_ns())
+            if silent := course.silent(now_ns) or arm.led:
+                return silent
+            course.attendance.begin(request.attended, now_ns)
+            self._wishes.begin(limits, course.hand(now_ns), now_ns)
         settings = self.parameters.read(WeighingSettings, "weighing")
         refused = arm.weigh(patient, side, places(limits.ranges()), settings.cradle)
-        arm.follow(self.clock.now_ns())
+        arm.follow(now_ns)
         return refused or Done(arm.told)
 
     def _named(self, protocol: str) -> str:
@@ -431,9 +405,7 @@ class TherapySessionNode(Node):
         if self._recording.waits:
             return _WAITS
         self.course.attendance.resume(self.clock.now_ns())
-        if not (refused := self._act("resume")):
-            self.course.arm.carry_on()
-        return refused
+        return self._act("resume")
 
     def _lower(self) -> str:
         """Begin to lower the arm; return why not, empty if done."""
@@ -444,7 +416,7 @@ class TherapySessionNode(Node):
             return WEIGHED
         now_ns = self.clock.now_ns()
         if course.heard is None or course.silent(now_ns):
-            return _NOT_YET
+            return course.silent(now_ns)
         hand = hand_sample(course.heard, VERTICAL)
         if not hand.stop:
             rest = self.parameters.read(TherapySettings).rest_height
@@ -455,8 +427,7 @@ class TherapySessionNode(Node):
         session = self.course.session
         if session is None:
             return "no session has been started"
-        changed = self._change(session, getattr(session, name), *reason)
-        return "" if changed else f"the session is {session.state.word}"
+        return "" if getattr(session, name)(*reason) else f"the session is {session.state.word}"
 
     def health(self) -> Health:
         """Report the progress of the session."""

@@ -34,18 +34,16 @@ class WishRelay:
         """Use new limits from the next wish on."""
         self._gate.limits = limits
 
-    def begin(self, limits: WishLimits, now_ns: int, lets_go: bool = True) -> None:
+    def begin(self, limits: WishLimits, hand: Point | None, now_ns: int) -> None:
         """End what a game or anybody asked for, and use new limits: a session begins.
 
-        Nowhere as set point stops the last one where it is, and it still pulls. The next `relay`
-        lets the hand go: a session may guide the plane alone, and the vertical spring would stay.
-        After a second it is nowhere again, or each pause of the session would pull back there.
-        lets_go: also from set points of others than games.
+        hand: its position [m], at which it is let go: a session may guide the plane alone, and the
+        vertical spring would stay. None: not yet, which is nowhere as set point; that stops the
+        last one where it is, and it still pulls. After a second it is nowhere anyway, or each pause
+        of the session would pull back there.
         """
         self._gate.limits = limits
-        if lets_go:
-            self._gate.end()
-        self._ask_for(_NOWHERE)
+        self._ask_for(hand or _NOWHERE)
         self._ends_ns = now_ns + SILENT_NS
 
     def rest_at(self, hand: Point) -> None:

@@ -45,31 +45,16 @@ class Muscles(NamedTuple):
 RESTED = Muscles(0.0, 0.0, 0.0, 0.0)
 
 
-class Pull(NamedTuple):
-    """What the muscles add to spring and damper of the hand.
+def pull(arm: HumanArm, effort: float, s: Muscles, y: float) -> tuple[float, float, float]:
+    """Return what the muscles add to spring and damper of the hand.
 
-    away: force away from the body [N]; load: hangs on the handle beyond the share of the weight
-    that he does not carry [N]; vigour: share of the strength that is not tired.
-    """
-
-    away: float
-    load: float
-    vigour: float
-
-
-def pull(arm: HumanArm, effort: float, s: Muscles, y: float) -> Pull:
-    """Return what the muscles do now.
-
-    effort: the patient's; y: of the virtual hand from the workspace's centre [m].
+    That is a force away from the body [N], a load that hangs on the handle beyond the share of the
+    weight that he does not carry [N], and the share of his strength that is not tired. effort: the
+    patient's; y: of the virtual hand from the workspace's centre [m].
     """
     far = min(max(0.5 + y / _DEPTH, 0.0), 1.0)
-    lift = max(_able(arm, effort) - s.relief, 0.0)
-    return Pull(-s.tone - arm.synergy * lift * far, arm.weight * arm.carried - lift, 1.0 - s.tired)
-
-
-def _able(arm: HumanArm, effort: float) -> float:
-    """Return how much of the arm he is able to lift [N]."""
-    return arm.weight * arm.carried * effort
+    lift = max(arm.weight * arm.carried * effort - s.relief, 0.0)
+    return -s.tone - arm.synergy * lift * far, arm.weight * arm.carried - lift, 1.0 - s.tired
 
 
 def muscles_step(
@@ -82,7 +67,7 @@ def muscles_step(
     """
     stretched = arm.tone * max(away - arm.tone_speed, 0.0)
     tone = s.tone + (stretched - s.tone) * dt / (arm.tone_delay + dt)
-    able = _able(arm, effort)
+    able = arm.weight * arm.carried * effort
     borne = arm.relies * min(max(able - arm.weight - fz, 0.0), able)
     relief = s.relief + (borne - s.relief) * dt / (_RELIEF_S + dt)
     if arm.fatigue == 0.0:

@@ -83,7 +83,7 @@ def advancing(planar_step: Callable) -> Callable:
         muscles = Muscles(n[45], n[46], n[47], n[48])
         dt = p.vertical.dt
         u, w = vertical_input, planar_input
-        pulls = pull(p.arm, p.effort, muscles, y)
+        away, load, vigour = pull(p.arm, p.effort, muscles, y)
         for _ in range(steps):
             if ticks % HAND_EVERY == 0:
                 time = ticks * dt
@@ -95,16 +95,16 @@ def advancing(planar_step: Callable) -> Callable:
                     p.arm, p.effort, muscles, held * planar.force_x, held * planar.force_y,
                     held * vertical.patient_force, held * planar.handle_vy, HAND_EVERY * dt,
                 )  # fmt: skip
-                pulls = pull(p.arm, p.effort, muscles, y)
+                away, load, vigour = pull(p.arm, p.effort, muscles, y)
             side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
             on_module = ModuleInput(
                 u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
-                z, vz, u.stage_speed, u.stage_target, side, pulls.load, pulls.vigour,
+                z, vz, u.stage_speed, u.stage_target, side, load, vigour,
             )  # fmt: skip
             on_plane = ManusInput(
                 w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
                 w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
-                pulls.away, pulls.vigour,
+                away, vigour,
             )  # fmt: skip
             vertical = vertical_step(p.vertical, vertical, on_module)
             planar = planar_step(p.planar, planar, on_plane)

@@ -137,16 +137,15 @@ class World:
     def _built(self) -> Any:
         """Return the parameters of the simulation in the form `_advance` takes."""
         s = self.settings
-        patient = self._patient
-        arm = arm_force(patient.arm, patient.effort)
+        arm = arm_force(self._patient.arm, self._patient.effort)
         return self._prepared(
             SimulationParams(
                 vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
                                 s.sensor.bandwidth, s.sensor.hysteresis),
                 self.plane.params(self._plane, arm, s.substep),
-                *patient.paths,
-                patient.arm,
-                patient.effort,
+                *self._patient.paths,
+                self._patient.arm,
+                self._patient.effort,
             )
         )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm on the handle: whose it is, what it weighs, what carries it, what leads it, when it pulls.
+"""The arm on the handle: whose it is, what it weighs, what carries and leads it, when it pulls.
 
 Outside of sessions two things lead it by slots: the dialogue that weighs it (`weighing.py`), and
 the slot that lowers it.
@@ -52,7 +52,7 @@ class Arm:
         self.lowering: SlotWish | None = None
         self._file, self._now_s = file, now_s
         self._of = self._carried_of = "", ""  # pseudonym and side; "" = whoever comes next
-        self._force = self._lowered_from = 0.0
+        self._force = 0.0
         self._pulls_ns: int | None = None
 
     @property
@@ -77,7 +77,7 @@ class Arm:
 
     def ask(self, force: float) -> None:
         """Ask for a support [N]; it ends a lowering."""
-        self._force, self.lowering, self._lowered_from = force, None, 0.0
+        self._force, self.lowering = force, None
 
     def ask_for_next(self, force: float) -> None:
         """Ask for a support by hand [N] while no session is under way: it stays for the next."""
@@ -102,10 +102,7 @@ class Arm:
             self.weight = found or UNKNOWN
 
     def begin(self) -> None:
-        """Begin a session: nothing stays asked for that was asked for another arm.
-
-        Nor is carried again what was lowered before.
-        """
+        """Begin a session: nothing stays asked for that was asked for another arm."""
         own = self._carried_of in (("", ""), self._of)
         self._carried_of = self._of
         self.ask(self.force if own else 0.0)
@@ -166,11 +163,6 @@ class Arm:
         low = min(height, rest_height)
         slot = _DOWN._replace(start_x=height, target_x=low)
         self.lowering = SlotWish(vertical=slot, start_ns=now_ns)
-        self._lowered_from = self._lowered_from or self._force
-
-    def carry_on(self) -> None:
-        """Carry the arm as before it was lowered: its session goes on."""
-        self.ask(self._lowered_from or self._force)
 
     def hangs(self, sample: HandSample) -> bool:
         """Return whether an arm may hang where it is: what presses on it beside the support."""

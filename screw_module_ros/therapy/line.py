@@ -45,13 +45,14 @@ class Line(NamedTuple):
 
 
 class Hold(NamedTuple):
-    """Slot without length on the axes that a protocol does not use: z if vertical, else x and y.
+    """What holds the axes that a protocol does not use: z if vertical, else x and y.
 
-    It stays the same through all trials, and has no start.
+    It stays the same through all trials. point: around which [m]; stiffness [N/m].
     """
 
-    slot: Slot
+    point: Point
     vertical: bool
+    stiffness: float
 
 
 class SlotWish(NamedTuple):
@@ -68,12 +69,6 @@ class SlotWish(NamedTuple):
 
 
 NO_SLOT = SlotWish()
-
-
-def held(point: Point, space: str, like: Slot) -> Hold:
-    """Return what holds the axes other than those of a space at a point [m]; like: its walls."""
-    plane, vertical = in_space(point, point, like)
-    return Hold(vertical if space == PLANE else plane, space == PLANE)
 
 
 def slots(line: Line, like: Slot, start_ns: int | None) -> SlotWish:

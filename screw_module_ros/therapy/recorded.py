@@ -41,13 +41,6 @@ class Act(NamedTuple):
     reason: str
 
 
-class ByHand(NamedTuple):
-    """Support that was set by hand; after: number of the sample before it; force [N]."""
-
-    after: int
-    force: float
-
-
 class Recorded(NamedTuple):
     """A session as recorded in a bag.
 
@@ -56,7 +49,8 @@ class Recorded(NamedTuple):
     executed YAML, hexadecimal, empty if the bag lacks it. recorded_at: local time at which the
     recording began, with its offset from UTC; use_sim_time: of the session's nodes; both None if
     the bag does not tell, as those of older versions and other recorders. arm_weight: at the
-    beginning [N], NaN = not weighed; by_hand: changes of the support by hand.
+    beginning [N], NaN = not weighed; by_hand: number of the sample before the support was set by
+    hand, and what was set [N], each time.
     """
 
     folder: Path
@@ -70,7 +64,7 @@ class Recorded(NamedTuple):
     recorded_at: datetime | None = None
     use_sim_time: bool | None = None
     arm_weight: float = math.nan
-    by_hand: tuple[ByHand, ...] = ()
+    by_hand: tuple[tuple[int, float], ...] = ()
 
     @property
     def is_simulated(self) -> bool:
@@ -234,7 +228,7 @@ def _session(
         folder, first.patient, protocol, acts, trials, changes, samples, max(hashes),
         arm_weight=getattr(first, "arm_weight", math.nan),
         by_hand=tuple(dict.fromkeys(
-            ByHand(int(state.support_since), state.support)
+            (int(state.support_since), state.support)
             for state in states if getattr(state, "support_since", 0)
         )),
     )  # fmt: skip

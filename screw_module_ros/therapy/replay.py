@@ -16,7 +16,7 @@ from .gaps import Gap, gaps_of
 from .hand import HandSample
 from .measures import COLUMNS, Row
 from .protocol import Protocol
-from .recorded import Act, ByHand, Recorded
+from .recorded import Act, Recorded
 from .session import Session, State
 
 
@@ -85,15 +85,14 @@ def replay(
     recorded: Sequence[Row],
     changes: Sequence[Mapping[str, Any]] | None = None,
     arm_weight: float = math.nan,
-    by_hand: Sequence[ByHand] = (),
+    by_hand: Sequence[tuple[int, float]] = (),
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
     `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
-    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand: changes of the support by
-    hand. Raises ValueError if no act starts the
-    session.
+    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand: as in `Recorded`. Raises
+    ValueError if no act starts the session.
     """
     if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
@@ -118,7 +117,7 @@ def replay(
 
 def _again(
     protocol: Protocol, samples: Iterable[HandSample], acts: list[Act], arm_weight: float,
-    by_hand: list[ByHand],
+    by_hand: list[tuple[int, float]],
 ) -> tuple[Session | None, list[HandSample], list[dict[str, Any]]]:
     """Return the session, the samples it used, and its changes of assistance."""
     session: Session | None = None
@@ -127,10 +126,10 @@ def _again(
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
             session = _acted(protocol, session, acts.pop(0), arm_weight)
-        while by_hand and sequence_gap(by_hand[0].after, sample.sequence) >= 0:
-            changed = by_hand.pop(0)
+        while by_hand and sequence_gap(by_hand[0][0], sample.sequence) >= 0:
+            _, force = by_hand.pop(0)
             if session is not None:
-                session.carried.set_by_hand(changed.force)
+                session.carried.set_by_hand(force)
         if session is None or session.trial is None:
             continue
         outcome = session.take(sample)

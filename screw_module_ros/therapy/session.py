@@ -12,8 +12,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
-from .hand import OTHER, VERTICAL, HandSample, plausible
-from .line import NO_SLOT, Hold, SlotWish, held
+from .hand import OTHER, PLANE, VERTICAL, HandSample, plausible
+from .line import NO_SLOT, Hold, SlotWish
 from .measures import Row
 from .protocol import Protocol, plan
 from .support import Carried
@@ -52,14 +52,23 @@ _NOTHING = Outcome()
 class Session:
     """Processes the hand's samples one by one.
 
-    state: starting, running, paused, finished or aborted; reason: what it waits for, or of the
-    pause or abort. assistance: current values; carried: support of the current block. results,
-    changes: so far. trial: the current one, None after the end.
+    state: starting, running, paused, finished or aborted; since: number of the sample after which
+    that began, from which a replay knows it; reason: what it waits for, or of the pause or abort.
+    What changes the state returns whether it did. assistance: current values; carried: support of
+    the current block. results, changes: so far. trial: the current one, None after the end.
     """
 
-    def __init__(self, protocol: Protocol, awaits: str = "", weight: float = math.nan):
-        """Begin; awaits: what it must wait for first, until `begin`; weight: of the arm [N]."""
+    def __init__(
+        self, protocol: Protocol, awaits: str = "", weight: float = math.nan, support: float = 0.0,
+        since: int = 0,
+    ):  # fmt: skip
+        """Begin.
+
+        awaits: what it must wait for first, until `begin`; weight: of the arm [N], NaN = not
+        weighed; support: asked for until now [N]; since: number of the newest sample.
+        """
         self.protocol = protocol
+        self.since = self._newest = since
         self.state = State.STARTING if awaits else State.RUNNING
         self.reason = awaits
         guidance = protocol.guidance
@@ -68,16 +77,19 @@ class Session:
         self.changes: list[Change] = []
         self._plans = list(plan(protocol))
         self._circuits: list[Circuit] = []
-        self._movements: list[Row] = []
         self._hold: Hold | None = None
-        self._weight, self._reached = weight, list[bool]()
-        self.carried = Carried(protocol.blocks[0].support, weight)
+        self.carried = Carried(protocol.blocks[0].support, weight, support)
         self.trial: TrialCourse | None = self._next_trial()
 
     @property
     def trials(self) -> int:
         """Return the number of trials of the protocol."""
         return len(self._plans)
+
+    @property
+    def progress(self) -> tuple[State, str, Phase | None]:
+        """Return state, reason and phase of the trial, None without one."""
+        return self.state, self.reason, self.trial.phase if self.trial else None
 
     @property
     def wish(self) -> SlotWish:
@@ -91,6 +103,7 @@ class Session:
 
         One with `stop` or without a valid position pauses the session.
         """
+        self._newest = sample.sequence
         if self.state != State.RUNNING or self.trial is None:
             return _NOTHING
         if sample.stop or not plausible(self.protocol.space, sample):
@@ -109,29 +122,34 @@ class Session:
         change = self._learn(result)
         self.trial = self._next_trial()
         if self.trial is None:
-            self.state = State.FINISHED
+            self._change(State.FINISHED)
         return Outcome(result, change)
 
-    def begin(self) -> None:
+    def begin(self) -> bool:
         """Begin, after what it waited for; a session that was paused meanwhile stays so."""
-        if self.state == State.STARTING:
-            self.state, self.reason = State.RUNNING, ""
+        return self.state == State.STARTING and self._change(State.RUNNING)
 
-    def pause(self, reason: str) -> None:
+    def pause(self, reason: str) -> bool:
         """Pause without slots; the current trial will be repeated from its start."""
-        if self.state in (State.STARTING, State.RUNNING):
-            self.state, self.reason = State.PAUSED, reason
+        return self.state in (State.STARTING, State.RUNNING) and self._change(State.PAUSED, reason)
 
-    def resume(self) -> None:
+    def resume(self) -> bool:
         """Continue after a pause."""
-        if self.state == State.PAUSED:
-            self.state, self.reason, self._hold = State.RUNNING, "", None
-            self.trial = self._next_trial()
+        if self.state != State.PAUSED:
+            return False
+        self.trial, self._hold = self._next_trial(), None
+        return self._change(State.RUNNING)
 
-    def abort(self, reason: str) -> None:
+    def abort(self, reason: str) -> bool:
         """End the session; it cannot be resumed."""
-        if self.state in UNDER_WAY:
-            self.state, self.reason, self.trial = State.ABORTED, reason, None
+        if self.state not in UNDER_WAY:
+            return False
+        self.trial = None
+        return self._change(State.ABORTED, reason)
+
+    def _change(self, state: State, reason: str = "") -> bool:
+        self.state, self.reason, self.since = state, reason, self._newest
+        return True
 
     def _hold_others(self, sample: HandSample, rests: bool) -> None:
         """Hold the axes that the protocol does not use where the hand is when it first `rests`.
@@ -145,11 +163,8 @@ class Session:
         if not (sample.others and plausible(OTHER[space], sample)):
             self._hold = None
         elif self._hold is None and rests:
-            walls = self.protocol.guidance.slot()._replace(
-                side_stiffness=self.protocol.rules.hold_stiffness,
-                half_width=0.0, end_half_width=0.0, growth=0.0,
-            )  # fmt: skip
-            self._hold = held(sample.position, space, walls)
+            stiffness = self.protocol.rules.hold_stiffness
+            self._hold = Hold(sample.position, space == PLANE, stiffness)
 
     def _next_trial(self) -> TrialCourse | None:
         if len(self.results) == len(self._plans):
@@ -157,33 +172,30 @@ class Session:
         return TrialCourse(self.protocol, self._plans[len(self.results)], self.assistance)
 
     def _learn(self, result: Row) -> Change | None:
-        """Count a movement for the adaptation; return the change after a circuit, if any."""
-        self._reached.append(result["reached"])
-        if result["assisted"]:
-            self._movements.append(result)
+        """Return the change after a circuit, if any."""
         upcoming = self._plans[len(self.results)] if len(self.results) < self.trials else None
         ends_block = upcoming is None or upcoming.block != result["block"]
         if upcoming and not ends_block and upcoming.circuit == result["circuit"]:
             return None
-        change = self._end_circuit(result) if self._movements else None
-        if faded := None if ends_block else self.carried.judge(self._reached):
+        here = result["block"], result["circuit"]
+        circuit = [row for row in self.results if (row["block"], row["circuit"]) == here]
+        change = self._adapt(circuit) if result["assisted"] else None
+        if faded := None if ends_block else self.carried.judge([row["reached"] for row in circuit]):
             before, after, why = faded
             same = Change(result["circuit"], self.assistance, self.assistance, "")
             reason = "; ".join(filter(None, (change.reason if change else "", why)))
             change = (change or same)._replace(support_before=before, support=after, reason=reason)
-        self._reached = []
         if ends_block:
             self._circuits = []
             if upcoming:
                 block = self.protocol.blocks[upcoming.block - 1]
-                self.carried = Carried(block.support, self._weight)
+                self.carried = Carried(block.support, self.carried.weight, self.carried.force)
         if change is not None:
             self.changes.append(change)
         return change
 
-    def _end_circuit(self, result: Row) -> Change | None:
-        self._circuits.append(circuit_of(self._movements, result["side_stiffness"]))
-        self._movements = []
+    def _adapt(self, circuit: list[Row]) -> Change | None:
+        self._circuits.append(circuit_of(circuit, circuit[-1]["side_stiffness"]))
         bounds, has_sides = self.protocol.adaptation, self.protocol.space != VERTICAL
         change = None
         if bounds is not None:

@@ -87,13 +87,13 @@ class BlockSupport(NamedTuple):
 class Carried:
     """The support that a block of a session asks for.
 
-    force: [N], NaN = it has no say.
+    weight: of the arm [N], NaN = not weighed; force [N].
     """
 
-    def __init__(self, block: BlockSupport | None, weight: float):
-        """weight: of the arm [N], NaN = not weighed."""
-        self._weight = weight
-        self._block = block or BlockSupport()
+    def __init__(self, block: BlockSupport | None, weight: float, present: float = 0.0):
+        """present: asked for until now [N]; a block without support leaves it as it is."""
+        self.weight = weight
+        self._block = block or BlockSupport(force=present)
         self._share = math.nan if self._block.share is None else self._block.share
         self._fade = self._block.fade
         self._before: float | None = None  # what faded until it was set by hand [N]
@@ -101,7 +101,7 @@ class Carried:
 
     @property
     def _of_share(self) -> float:
-        return clamp(self._share * self._weight, *SUPPORT_RANGE)  # NaN stays NaN
+        return clamp(self._share * self.weight, *SUPPORT_RANGE)  # NaN stays NaN
 
     def set_by_hand(self, force: float) -> None:
         """End the fade: the support is by hand from now on, `force` [N]."""

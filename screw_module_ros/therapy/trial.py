@@ -109,11 +109,10 @@ class TrialCourse:
 
     def _guide(self) -> Slot:
         rules = self._rules
-        stiffness = rules.prepare_stiffness
         return self._protocol.guidance.slot()._replace(
             duration=rules.prepare_duration,
-            back_stiffness=stiffness,
-            side_stiffness=stiffness,
+            back_stiffness=rules.prepare_stiffness,
+            side_stiffness=rules.prepare_stiffness,
             half_width=rules.hit_radius,
             end_half_width=0.2 * rules.hit_radius,
             growth=0.0,
@@ -124,10 +123,10 @@ class TrialCourse:
 
         From the line alone the hand hangs where the arm's pull and the side walls are equal.
         """
-        growth = self._rules.prepare_growth
         return self._guide()._replace(
-            duration=_AT_ONCE, half_width=0.0, end_half_width=0.0, growth=growth
-        )
+            duration=_AT_ONCE, half_width=0.0, end_half_width=0.0,
+            growth=self._rules.prepare_growth,
+        )  # fmt: skip
 
     def _show(self, sample: HandSample) -> None:
         """Show the target; a trial without a reach starts at once."""

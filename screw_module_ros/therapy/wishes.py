@@ -43,10 +43,6 @@ class WishGate:
         self._last: Point = (math.nan,) * 3
         self._last_ns: int | None = None
 
-    def end(self) -> None:
-        """Have the hand let go by `cut_off`, whoever has asked for a set point."""
-        self._last_ns = self._last_ns or 0
-
     def passed(self, wish: Point, hand: Point, now_ns: int) -> Point:
         """Return the set point for a wish [m]; NaN = no set point of an axis.
 

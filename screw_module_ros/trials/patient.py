@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from screw_module_msgs.srv import SetArm
 
-from ..control.limits import clamp
 from ..operator.robot import Robot
+from ..plant.patient import HandPath, hand_point
 
 STILL = (0.0, 0.0, 0.0)
 RADIUS = 0.10
@@ -68,12 +68,12 @@ class Way(NamedTuple):
     end: tuple[float, float]
 
     def at(self, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return position [m] and velocity [m/s]: minimum jerk (flashhogan1985)."""
-        share = clamp((time - self.begin) / self.duration, 0.0, 1.0)
-        gone = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
-        pace = 30.0 * (share * (1.0 - share)) ** 2 / self.duration
-        (x, y), (dx, dy) = self.start, (self.end[0] - self.start[0], self.end[1] - self.start[1])
-        return (x + gone * dx, y + gone * dy), (pace * dx, pace * dy)
+        """Return position [m] and velocity [m/s], as of the hand that the rig's patient moves."""
+        (x, vx), (y, vy) = (
+            hand_point(HandPath(*ends, self.begin, self.duration, 0.0, 0.0, 0.0), time)
+            for ends in zip(self.start, self.end, strict=True)
+        )
+        return (x, y), (vx, vy)
 
 
 def targets() -> list[tuple[float, float]]:

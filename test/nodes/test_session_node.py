@@ -368,8 +368,8 @@ def test_a_session_begins_without_the_games_set_point(relay):
     """NaN alone leaves the spring where it is, and it pulled until the recording had begun."""
     relay.wishes.append(wish(0.1))
     relay.relay(True, HAND, 10 * S)
-    relay.begin(WishLimits(), 11 * S)
-    assert all(math.isnan(value) for value in relay.asked[-1])
+    relay.begin(WishLimits(), HAND, 11 * S)
+    assert relay.asked[-1] == HAND
     for tenth in range(9):
         relay.relay(False, HAND, 11 * S + tenth * S // 10)
     assert relay.asked[2:] == [HAND]
@@ -381,9 +381,9 @@ def test_a_session_begins_without_the_games_set_point(relay):
 
 def test_a_session_begins_without_the_set_point_of_anybody(relay):
     """That of the homing pulled up all through sessions in the plane."""
-    relay.begin(WishLimits(), 11 * S)
+    relay.begin(WishLimits(), HAND, 11 * S)
     relay.relay(False, HAND, 11 * S)
-    assert relay.asked[1] == HAND
+    assert relay.asked == [HAND]
 
 
 def test_the_sessions_node_takes_a_games_pull_with_it(session):

@@ -25,7 +25,7 @@ def test_it_carries_the_arm_whatever_it_guides(vertical, asked, comes):
     message = TherapySlot(vertical=vertical, duration=math.nan, support=asked)
     inbox = SlotInbox(SimpleNamespace(subscribe=lambda *_: lambda: message), vertical=True)
     guide, support = Guide(SlotLimits(), Reach(0.0, 0.36)), Support(SupportSettings())
-    inbox.read(guide, NOW, support)
+    support.ask(inbox.read(guide, NOW).support, NOW)
     assert bool(inbox.refused) == vertical and guide.free
     force = support.force(25.0, True, 0.0, None, NOW, 0.001)
     assert force == pytest.approx(comes)

@@ -175,14 +175,14 @@ class Simulation:
         robot = self._robot()
         virtual = self._virtual_hand()
         traits, effort = self.patient.arm, self.patient.effort
-        pulls = pull(traits, effort, self.muscles, virtual[1][0])
-        beside = 0.0, pulls.away, -(self.arm.weight + pulls.load)
+        away, load, vigour = pull(traits, effort, self.muscles, virtual[1][0])
+        beside = 0.0, away, -(self.arm.weight + load)
         mass = self.robot.mass + self.arm.mass
         drag = self.robot.friction / max(math.hypot(*self.velocity), FRICTION_SPEED)
         for axis, (hand, hand_velocity) in enumerate(virtual):
             stiffness, damping, steady = spring_terms(
                 self.arm, hand, hand_velocity, self.position[axis], self.velocity[axis],
-                pulls.vigour, self.arm.extension if axis else 1.0,
+                vigour, self.arm.extension if axis else 1.0,
             )  # fmt: skip
             steady += beside[axis]
             # Implicit in the arm's own spring and damper, as the plant is.

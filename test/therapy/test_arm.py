@@ -50,18 +50,12 @@ def test_an_arm_below_its_rest_is_not_lifted(arm):
     assert arm.lowering.vertical.target_x == 0.03
 
 
-def test_what_goes_on_carries_the_arm_again(arm):
+def test_a_support_that_is_asked_for_ends_a_lowering(arm):
     arm.ask(12.0)
     arm.lower(0.2, 0.05, S)
-    arm.follow(10 * S)
-    assert (arm.force, arm.lowering) == (0.0, None)
-    arm.carry_on()
-    assert arm.force == 12.0
-    arm.lower(0.2, 0.05, 20 * S)
     arm.ask(3.0)
-    assert arm.lowering is None, "by hand it ends"
-    arm.carry_on()
-    assert arm.force == 3.0
+    arm.follow(10 * S)
+    assert (arm.force, arm.lowering) == (3.0, None)
 
 
 def test_a_lowering_that_is_stopped_leaves_the_arm_carried(arm):

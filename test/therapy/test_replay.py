@@ -13,7 +13,7 @@ from screw_module_ros.therapy.gaps import gaps_of
 from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.measures import COLUMNS
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.recorded import Act, ByHand
+from screw_module_ros.therapy.recorded import Act
 from screw_module_ros.therapy.replay import replay
 from screw_module_ros.therapy.session import Session, State
 from screw_module_ros.therapy.support import BlockSupport, Fade
@@ -153,7 +153,7 @@ def fading(by_hand_after=None):
     if by_hand_after:
         samples = simulation.run(by_hand_after / 200)
         session.carried.set_by_hand(9.0)
-        by_hand.append(ByHand(samples[-1].sequence, 9.0))
+        by_hand.append((samples[-1].sequence, 9.0))
     samples += simulation.run()
     assert session.state == State.FINISHED
     acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, State.FINISHED, "")]
@@ -166,7 +166,7 @@ def test_a_fade_is_computed_again_bit_for_bit(by_hand_after):
     told = []
     again = Session(protocol, weight=12.0)
     for sample in samples:
-        if by_hand and sample.sequence == by_hand[0].after + 1:
+        if by_hand and sample.sequence == by_hand[0][0] + 1:
             again.carried.set_by_hand(9.0)
         outcome = again.take(sample)
         if outcome.change is not None:

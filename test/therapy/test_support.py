@@ -71,7 +71,7 @@ def test_a_support_by_hand_ends_the_fade_and_is_told_once():
 def test_what_does_not_fade_is_not_judged():
     assert Carried(BlockSupport(force=-5.0), UNKNOWN).force == -5.0
     assert Carried(BlockSupport(share=-1.0), 24.0).force == -20.0, "no more than there is"
-    assert math.isnan(Carried(None, 12.0).force)
+    assert Carried(None, 12.0, 7.0).force == 7.0, "as it was"
     for block in (None, BlockSupport(share=0.5)):
         carried = Carried(block, 12.0)
         carried.set_by_hand(3.0)

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from screw_module_msgs.msg import TherapySlot
 from screw_module_msgs.srv import SetImpedance
 
@@ -16,9 +14,6 @@ from .answering import Done
 from .inbox import Inbox
 from .parameters import Parameters
 from .topics import requested
-
-if TYPE_CHECKING:  # the plane carries no arm
-    from screw_module_ros.loop.support import Support
 
 
 def set_impedance(parameters: Parameters, kind: type, request: SetImpedance.Request) -> str:
@@ -39,21 +34,20 @@ class SlotInbox:
         self._vertical = vertical
         self.take = inbox.subscribe(*requested(THERAPY_SLOT))
 
-    def read(self, guide: Guide, now_ns: int, support: Support | None = None) -> None:
-        """Pass a new slot to the guide, and what it carries the arm with to the support.
+    def read(self, guide: Guide, now_ns: int) -> TherapySlot | None:
+        """Pass a new slot to the guide, and return its message, None without.
 
         An invalid slot counts as none. now_ns [ns].
         """
         message = self.take()
         if message is None:
-            return
-        if support is not None:
-            support.ask(message.support, now_ns)
+            return None
         try:
             guide.ask(*slot_of(message, self._vertical), now_ns)
             self.refused = ""
         except ValueError as error:
             self.refused = f"{THERAPY_SLOT}: {error}"
+        return message
 
 
 def slot_of(message: TherapySlot, vertical: bool) -> tuple[Slot | None, int]:
