@@ -257,7 +257,7 @@ class TherapySessionNode(Node):
         silent, session = self.course.silent(now_ns), self.course.session
         reason = silent or self.course.attendance.pause_reason(now_ns)
         if reason and self.course.arm.weighing:
-            self.course.arm.weighing.leave(f"not weighed: {reason}", at_once=bool(silent))
+            self.course.arm.weighing.leave(reason, at_once=bool(silent))
         if reason and session is not None:
             session.pause(reason)
 

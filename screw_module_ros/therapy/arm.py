@@ -126,7 +126,7 @@ class Arm:
         """End at once what leads the arm: it stays where it is, with the support that there is."""
         self.lowering = None
         if self.weighing:
-            self.weighing.leave(f"not weighed: {reason}", at_once=True)
+            self.weighing.leave(reason, at_once=True)
 
     def follow(self, now_ns: int) -> None:
         """Go on with what leads the arm, at now_ns [ns].

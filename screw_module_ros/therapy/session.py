@@ -46,9 +46,6 @@ class Outcome(NamedTuple):
     change: Change | None = None
 
 
-_NOTHING = Outcome()
-
-
 class Session:
     """Processes the hand's samples one by one.
 
@@ -105,19 +102,19 @@ class Session:
         """
         self._newest = sample.sequence
         if self.state != State.RUNNING or self.trial is None:
-            return _NOTHING
+            return Outcome()
         if sample.stop or not plausible(self.protocol.space, sample):
             self.pause(sample.stop or "where the hand is, or its speed, is not known")
-            return _NOTHING
+            return Outcome()
         try:
             self.trial.take(sample)
         except PrepareError as error:
             self.pause(str(error))
-            return _NOTHING
+            return Outcome()
         self._hold_others(sample, rests=self.trial.phase != Phase.PREPARE)
         result = self.trial.result
         if result is None:
-            return _NOTHING
+            return Outcome()
         self.results.append(result)
         change = self._learn(result)
         self.trial = self._next_trial()

@@ -91,10 +91,11 @@ class Weighing:
         if self._waits:
             self._waits = False
         else:
-            self.leave("not weighed: the therapist ended it")
+            self.leave("the therapist ended it")
 
-    def leave(self, told: str, at_once: bool = False) -> None:
+    def leave(self, reason: str, at_once: bool = False) -> None:
         """End it, and bring back an arm that hangs, but where it must end at once."""
+        told = f"not weighed: {reason}"
         if at_once or self.wish is NO_SLOT:
             self._end(told)
         self._left = self._left or told
@@ -107,9 +108,9 @@ class Weighing:
         if not self.is_on:
             return
         if not plausible(SPACE, sample) or not all(map(math.isfinite, sample.force)):
-            self._end("not weighed: where the hand is, its speed or its force is not known")
+            self.leave("where the hand is, its speed or its force is not known", at_once=True)
         elif sample.stop and self.wish is not NO_SLOT:
-            self._end(f"not weighed: {sample.stop}")
+            self.leave(sample.stop, at_once=True)
         else:
             try:
                 self._course.send(sample)
