@@ -31,7 +31,7 @@ from screw_module_ros.calibration.module import ModuleCalibration
 from screw_module_ros.profiles import Profile
 from screw_module_ros.programs import PROGRAMS
 from screw_module_ros.settings import fields
-from screw_module_ros.therapy import cli
+from screw_module_ros.therapy import export
 from screw_module_ros.therapy.measures import MEASURES
 from screw_module_ros.therapy.protocol import Protocol
 
@@ -244,7 +244,7 @@ def files() -> str:
     for title, kind, text in FILES:
         told = f"{text}\n\n{inspect.getdoc(kind)}"
         parts.append(f"## {title}\n\n{told}\n\n{table(titles, keys_of(kind))}")
-    columns = ", ".join(map(code, cli.LEADING))
+    columns = ", ".join(map(code, export.LEADING))
     parts.append(
         "## Export\n\n`session export` writes `trials.csv`, one row a trial, in SI units: "
         f"{columns}, and what `therapy/trial` has ([TrialResult](messages.md#trialresult)). "

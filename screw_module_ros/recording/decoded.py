@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,21 +34,20 @@ class BagMessage(NamedTuple):
     message: Any
 
 
-class _Decoder:
-    """Decodes messages by the definitions in their bag."""
+@cache
+def _store(kind: str, text: str, encoding: str) -> Any:
+    """Return what decodes messages of a type by its definition; bags of one version share it."""
+    store = get_typestore(Stores.EMPTY)
+    types = get_types_from_idl(text) if encoding == "ros2idl" else get_types_from_msg(text, kind)
+    store.register(types)
+    return store
 
-    def __init__(self) -> None:
-        self._stores: dict[tuple[str, str], Any] = {}
 
-    def __call__(self, topic: Topic, data: bytes) -> Any:
-        key = topic.type, topic.definition.text
-        if key not in self._stores:
-            idl = topic.definition.encoding == "ros2idl"
-            store = get_typestore(Stores.EMPTY)
-            text = topic.definition.text
-            store.register(get_types_from_idl(text) if idl else get_types_from_msg(text, key[0]))
-            self._stores[key] = store
-        return self._stores[key].deserialize_cdr(data, topic.type)
+def _decoded(topic: Topic, data: bytes) -> Any:
+    """Return a message by the definition in its bag."""
+    definition = topic.definition
+    store = _store(topic.type, definition.text, definition.encoding)
+    return store.deserialize_cdr(data, topic.type)
 
 
 def _messages(
@@ -55,10 +55,11 @@ def _messages(
     wanted: Callable[[Topic], bool] | None,
     remarks: list[str] | None,
     held: dict[str, Topic],
+    by_index: bool = False,
 ) -> Iterator[tuple[Topic, Record]]:
     """Yield messages; `held` gets all topics. Raises BagError where the bag is damaged."""
     for file in map(File, files_of(path)):
-        for found in file.messages(wanted):
+        for found in file.indexed(wanted) if by_index else file.messages(wanted):
             if file.problems:
                 break
             yield found
@@ -78,25 +79,28 @@ def _messages(
 def topics(path: Path | str) -> dict[str, str]:
     """Return the type of each topic of the bag, by name. Raises BagError."""
     held: dict[str, Topic] = {}
-    for _ in _messages(path, lambda topic: False, None, held):
+    for _ in _messages(path, lambda topic: False, None, held, by_index=True):
         pass
     return {name: topic.type for name, topic in held.items()}
 
 
 def read_bag(
-    path: Path | str, names: Collection[str] | None = None, remarks: list[str] | None = None
+    path: Path | str,
+    names: Collection[str] | None = None,
+    remarks: list[str] | None = None,
+    by_index: bool = False,
 ) -> Iterator[BagMessage]:
     """Yield the decoded messages of the topics `names` (all by default).
 
     Those of one topic come in the order in which they were recorded. remarks: gets a sentence for
-    each file that does not hold the number of messages that it states. Raises BagError when the bag
-    cannot be read, is damaged or lacks a topic.
+    each file that does not hold the number of messages that it states. by_index: read nothing but
+    what the index names, so no such sentence. Raises BagError when the bag cannot be read, is
+    damaged or lacks a topic.
     """
     held: dict[str, Topic] = {}
-    decode = _Decoder()
-    for topic, record in _messages(path, chosen(names), remarks, held):
+    for topic, record in _messages(path, chosen(names), remarks, held, by_index):
         try:
-            message = decode(topic, record.data)
+            message = _decoded(topic, record.data)
         except Exception as error:  # whatever a parser or a decoder stumbles over
             told = f"{path}: a message of {topic.name} cannot be decoded: {error}"
             raise BagError(told) from None
@@ -110,7 +114,6 @@ def read_bag(
 def calibrations(path: Path | str) -> dict[str, str]:
     """Return the calibration that the last message of each topic names, by topic."""
     newest: dict[str, tuple[Topic, bytes]] = {}
-    decode = _Decoder()
     for topic, record in _messages(
         path, lambda topic: "string calibration" in topic.definition.text, None, {}
     ):
@@ -118,7 +121,7 @@ def calibrations(path: Path | str) -> dict[str, str]:
     return {
         name: found
         for name, last in newest.items()
-        if isinstance(found := getattr(decode(*last), "calibration", 0), str)
+        if isinstance(found := getattr(_decoded(*last), "calibration", 0), str)
     }
 
 

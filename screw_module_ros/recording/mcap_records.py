@@ -23,7 +23,15 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Header, Metadata, Schema, Statistics
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 
 from .bag import BagError
 
@@ -31,9 +39,12 @@ HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _MESSAGE = struct.Struct("<HIQQ")  # channel, number, log time, publish time; the data follow
 _CHUNK = struct.Struct("<QQQII")  # times, size, checksum, length of the compression's name
 _SIZE = struct.Struct("<Q")
+_PLACE = struct.Struct("<QQ")  # an entry in the index of a chunk: log time, place in its content
+_PLACES = 6  # bytes in front of the entries: the channel and their length
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header, Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics, Opcode.METADATA: Metadata, Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
 }  # fmt: skip
 _PRIVATE = 0x80  # first kind of record that anybody may add
 # A record of less than 4 GiB: the upper half of its length is zero.
@@ -170,9 +181,17 @@ def _body(content: Content, position: int, end: int) -> bytes:
 def unpacked(body: bytes, largest: int) -> tuple[list[Any], bool]:
     """Return the declarations and messages of a chunk, and whether its checksum says so.
 
+    The last one is a BagError if the content breaks off. Raises as `unpacked_bytes` does.
+    """
+    data, is_sure = unpacked_bytes(body, largest)
+    return _inner(data), is_sure
+
+
+def unpacked_bytes(body: bytes, largest: int) -> tuple[bytes, bool]:
+    """Return the content of a chunk, and whether its checksum says so.
+
     largest: size of its content that is accepted [B]. A checksum of 0 means that none was given.
-    The last one is a BagError if the content breaks off. Raises ValueError, BagError, or what the
-    decompression raises.
+    Raises ValueError, BagError, or what the decompression raises.
     """
     *_, size, checksum, named = _CHUNK.unpack_from(body)
     at = _CHUNK.size + named
@@ -188,7 +207,7 @@ def unpacked(body: bytes, largest: int) -> tuple[list[Any], bool]:
             told = error
             continue
         if not checksum or zlib.crc32(data) == checksum:
-            return _inner(data), bool(checksum)
+            return data, bool(checksum)
     raise told
 
 
@@ -207,6 +226,27 @@ def _decompressed(packed: bytes, compression: str, size: int, largest: int) -> b
     if size > largest:
         raise BagError(f"more than {largest} bytes are too many for one")
     return data if compression == "lz4" else zstandard.decompress(packed, size)
+
+
+def indexed(content: Content, chunk: ChunkIndex, channels: Collection[int]) -> Iterator[Record]:
+    """Yield the messages of channels that the index of a chunk names, in the order of the file.
+
+    No other message is looked at. Raises BagError where the chunk or its index is damaged.
+    """
+    position, places = chunk.chunk_start_offset, []
+    try:
+        _, end = content.head(position)
+        data, _ = unpacked_bytes(_body(content, position, end), content.largest)
+        for channel in channels:
+            begin = chunk.message_index_offsets[channel]
+            body = _body(content, begin, content.head(begin)[1])
+            places += [place for _, place in _PLACE.iter_unpack(body[_PLACES:])]
+        for place in sorted(places):
+            start, (_, length) = place + HEAD.size, HEAD.unpack_from(data, place)
+            values = _MESSAGE.unpack_from(data, start)
+            yield Record._make((*values, data[start + _MESSAGE.size : start + length]))
+    except Exception as error:  # whatever a decompression stumbles over
+        raise BagError(f"a chunk at byte {position} is damaged: {error}") from None
 
 
 def _inner(data: bytes) -> list[Any]:

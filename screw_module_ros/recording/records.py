@@ -8,26 +8,36 @@ import struct
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import yaml
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Header, Metadata, Schema, Statistics
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 
-from .bag import PREFIX, BagError, Topic
+from .bag import LIBRARY, PREFIX, BagError, Topic
 from .bag_files import ZSTD, files_of, information, opened
 from .definitions import UNKNOWN, Definition
-from .mcap_records import Content, Record, records
+from .mcap_records import Content, Record, indexed, records
 
 LARGEST = 100 * 2**20
 """Largest record or uncompressed chunk that is read [B]: memory stays below ten times as much."""
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the index and of its offsets, checksum
 _DECLARATIONS = {Opcode.SCHEMA, Opcode.CHANNEL}
-_INDEX = {Opcode.CHUNK_INDEX, *_DECLARATIONS}
+_INDEX = {Opcode.CHUNK_INDEX, Opcode.METADATA_INDEX, *_DECLARATIONS}
 _NOTES = {Opcode.METADATA}
 _DATA = {
     Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE, Opcode.STATISTICS, *_DECLARATIONS, *_NOTES
@@ -80,11 +90,18 @@ class File:
         self.whole = False
         self._schemas: dict[int, Schema] = {}
         self._undeclared: dict[int, list[Record]] = {}
+        self._chunks: list[ChunkIndex] = []
+        self._notes: list[int] = []
 
     def notes(self) -> dict[str, dict[str, str]]:
         """Return the recorder's notes in the readable part, by name; the last ones count."""
         with self._opened() as content:
-            found = records(content, len(_MAGIC), _NOTES, lambda channel: True)
+            self._read_index(content)
+            walk = partial(records, content, kinds=_NOTES, known=lambda channel: True)
+            if self._is_indexed:
+                found = [next(walk(begin=place), None) for place in self._notes]
+            else:
+                found = list(walk(begin=len(_MAGIC)))
             return {
                 record.name.removeprefix(PREFIX): dict(record.metadata)
                 for record in found
@@ -122,6 +139,34 @@ class File:
                 self.read -= undeclared
                 self._problem(f"{undeclared} messages of topics whose declaration is damaged")
 
+    def indexed(
+        self, wanted: Callable[[Topic], bool] | None = None
+    ) -> Iterator[tuple[Topic, Record]]:
+        """Yield messages as `messages` does; the index tells where they are, if it is whole.
+
+        Nothing else is read, so nothing else is found damaged, and no message is counted. Files of
+        other recorders, whose index may leave something out, are read from end to end.
+        """
+        with self._opened() as content:
+            self._read_index(content)
+            if not self._is_indexed:
+                yield from self.messages(wanted)
+                return
+            channels = {n for n, topic in self.topics.items() if wanted is None or wanted(topic)}
+            for chunk in self._chunks:
+                if named := channels & chunk.message_index_offsets.keys():
+                    try:
+                        for found in indexed(content, chunk, named):
+                            yield self.topics[found.channel_id], _plain(found)
+                    except BagError as error:
+                        self._problem(str(error))
+
+    @property
+    def _is_indexed(self) -> bool:
+        """Whether the index, which was read, names each message."""
+        named = all(chunk.message_index_offsets for chunk in self._chunks)
+        return self.whole and self.library == LIBRARY and bool(self._chunks) and named
+
     @contextmanager
     def _opened(self) -> Iterator[Content]:
         with opened(self.path) as (file, size, problem):
@@ -145,7 +190,7 @@ class File:
             self._declare(found)
 
     def _read_index(self, content: Content) -> None:
-        """Take the declarations of the index, which is whole by its checksum, or a problem.
+        """Take the index with its declarations, which is whole by its checksum, or a problem.
 
         A file may have no index: its footer says so.
         """
@@ -162,16 +207,21 @@ class File:
         found = zlib.crc32(tail[:-4], zlib.crc32(index))
         if not index or checksum not in (0, found):
             self.whole = False
-            self.problems.append(
-                f"{self.path.name} has no whole index: cut off or damaged; run: session recover"
-            )
+            told = f"{self.path.name} has no whole index: cut off or damaged; run: session recover"
+            self.problems += [] if told in self.problems else [told]
             return
         within = Content(BytesIO(index), len(index), LARGEST)
+        self._chunks, self._notes = [], []
         for record in records(within, 0, _INDEX, lambda channel: False):
             if isinstance(record, ChunkIndex):
                 content.chunks.add(record.chunk_start_offset)
+                self._chunks.append(record)
+            elif isinstance(record, MetadataIndex):
+                self._notes.append(record.offset)
             else:
                 self._declare(record)
+        for record in islice(records(content, len(_MAGIC), {Opcode.HEADER}, bool), 1):
+            self.library = getattr(record, "library", "")
 
     def _declare(self, record: Any) -> None:
         """Take a declaration; the first one of a channel counts, as a later one is the same."""

@@ -191,7 +191,7 @@ def _closed(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iter
     hashes = decoded(custom.get(PREFIX + HASHES, "{}"))
     for file in files:
         wanted = hashes.get(file.path.name)
-        if wanted and _sha256(file.path) != wanted:
+        if wanted and sha256_of(file.path) != wanted:
             yield f"{file.path.name} was altered or damaged: its SHA-256 differs"
 
 
@@ -211,7 +211,8 @@ def _unchecked(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> I
         yield "another program recorded it, without a hash of its files"
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal. Raises OSError."""
     found = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(2**20):

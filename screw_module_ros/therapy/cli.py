@@ -1,33 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session new|replay|report|export`: pseudonyms, and evaluation of recorded therapy sessions."""
+"""The commands of `session` for therapy: pseudonyms, evaluation of bags, the record of patients."""
 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
-import math
 import os
+import re
+import sqlite3
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from datetime import datetime
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from datetime import datetime, timedelta, timezone
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-from ..files import replace
 from ..recording.bag import BagError
-from ..recording.pseudonym import new_pseudonym, patient_folder
-from .measures import COLUMNS, MEASURES
-from .recorded import Recorded, in_order, read_sessions, without_copies
+from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
+from .export import csv_text, masked, write_tables
+from .record import ACCESS, Record, local, sources, sum_of
+from .recorded import Recorded, read_sessions
 from .replay import replayed
 
-LEADING = (
-    "patient", "protocol", "protocol_sha256", "started", "started_ns", "simulated", "jerk_cutoff",
-    "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
-)  # fmt: skip
-"""Columns of the export in front of the figures; started: ISO 8601, local time with its offset."""
-BOM = "\ufeff"
+_FOLDER = Path("~/sessions")  # the recorder's default
+_DAYS = {"y": 365.25, "m": 30.4375, "d": 1.0}
 
 
 def add_commands(commands: argparse._SubParsersAction) -> None:
@@ -37,21 +32,52 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
     for name, run, text, several in (
         ("replay", _replay, "compute a therapy session again and compare the results", False),
         ("report", _report, "a page on a patient's sessions: HTML, to read or to print", True),
-        ("export", _export, "the trials of therapy sessions as CSV", True),
+        ("export", _export, "trials, sessions and scores as CSV", True),
     ):
         command = commands.add_parser(name, help=text, description=text)
-        command.add_argument(
-            "bags", type=Path, nargs="+" if several else 1, help="folder of a bag", metavar="FOLDER"
-        )
+        what = "folder of a bag" + ", or of the record" * several
+        count = "+" if several else 1
+        command.add_argument("bags", type=Path, nargs=count, help=what, metavar="FOLDER")
         if several:
             text = "output folder; a folder per patient is made in it"
             command.add_argument("--out", type=Path, required=True, help=text, metavar="FOLDER")
-        if run is _export:
-            text = "decimal commas and semicolons between columns, as many spreadsheets read it"
-            command.add_argument("--decimal-comma", action="store_true", help=text)
-            text = "a byte order mark in front, by which spreadsheets know UTF-8"
-            command.add_argument("--bom", action="store_true", help=text)
+            text = "of a record: the one patient whose sessions are wanted"
+            command.add_argument("--patient", type=_pseudonym, default="", help=text)
         command.set_defaults(run=run)
+        if run is _export:
+            for option, text in (
+                ("--decimal-comma", "decimal commas, and semicolons between columns"),
+                ("--bom", "a byte order mark in front, by which spreadsheets know UTF-8"),
+                ("--shift-dates", "move all dates of a patient by one random number of days"),
+                ("--rename", "give each patient a new pseudonym, which nothing keeps"),
+            ):
+                command.add_argument(option, action="store_true", help=text)
+    for name, run, text in (
+        ("index", _index, "bring the record up to date with the bags and scores of its folder"),
+        ("due", _due, "patients whose last session is older than a time"),
+        ("access", _access, "who has read or written what of the record, in the last year"),
+    ):
+        command = commands.add_parser(name, help=text, description=text)
+        what = "that holds the bags, by default ~/sessions"
+        command.add_argument("folder", type=Path, nargs="?", default=_FOLDER, help=what)
+        command.set_defaults(run=run)
+        if run is _due:
+            text = "like 10y, 18m or 90d"
+            command.add_argument("--older", type=_age, required=True, help=text, metavar="TIME")
+
+
+def _pseudonym(text: str) -> str:
+    try:
+        return text and checked_pseudonym(text)  # the default is none
+    except PseudonymError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _age(text: str) -> timedelta:
+    found = re.fullmatch(r"(\d{1,4})([ymd])", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r}: a time like 10y, 18m or 90d is wanted")
+    return timedelta(days=int(found[1]) * _DAYS[found[2]])
 
 
 def _new(options: argparse.Namespace) -> int:
@@ -60,20 +86,23 @@ def _new(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    problems = 0
-    for session in _read(options.bags[0]):
+    problems, remarks = 0, list[str]()
+    for session in _read(options.bags[0], remarks):
         found = replayed(session)
         for problem in found.problems:
             print(f"PROBLEM {problem}")
         print(found.verdict)
         problems += len(found.problems)
+    _tell(remarks)
     return 0 if not problems else 1
 
 
 def _report(options: argparse.Namespace) -> int:
     from .report import patient_of, write_report  # matplotlib takes a second
 
-    sessions = _in_order(options.bags)
+    with _of_bags(options, "report") as record:
+        places = [(record.path(row), row["number"]) for row in record.sessions(options.patient)]
+    sessions = [_read(bag, None)[number] for bag, number in places]
     replays = [replayed(session) for session in sessions]
     try:
         patient = patient_of(sessions)
@@ -86,86 +115,89 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    rows: dict[str, list[dict]] = {}
-    for session in _in_order(options.bags):
-        rows.setdefault(session.patient, []).extend(_exported(session))
-    for patient, own in rows.items():
-        with _writing(options.out):
-            folder = patient_folder(options.out, patient)
-            for name, columns, table in (
-                ("trials.csv", (*LEADING, *COLUMNS), own), ("columns.csv", _MEANING, _meaning())
-            ):  # fmt: skip
-                text = csv_text(columns, table, options.decimal_comma)
-                replace(folder / name, BOM + text if options.bom else text, private=True)
-        print(folder / "trials.csv")
+    text = partial(csv_text, decimal_comma=options.decimal_comma, bom=options.bom)
+    with _of_bags(options, "export") as record:
+        patients = dict.fromkeys(row["pseudonym"] for row in record.sessions(options.patient))
+        masks = masked(patients, options.shift_dates, options.rename)
+        for patient, mask in masks.items():
+            with _writing(options.out):
+                print(write_tables(record, patient, mask, options.out, text) / "trials.csv")
     return 0
 
 
-def _exported(session: Recorded) -> list[dict]:
-    """Return the rows of a session, with patient, protocol, date, start and target."""
-    return [
-        {
-            "patient": session.patient,
-            "protocol": session.protocol.name,
-            "protocol_sha256": session.protocol_sha256,
-            "started": _iso(session.local(row["started_ns"])),
-            "simulated": session.is_simulated,
-            **{f"{name}_{axis}": value for name in ("start", "target")
-               for axis, value in zip("xyz", row[name], strict=True)},
-            **row,
-        }
-        for row in session.trials
-    ]  # fmt: skip
+def _index(options: argparse.Namespace) -> int:
+    with _opened(options.folder) as record:
+        record.update(thorough=True)
+        _tell([*record.notes, *record.copies()])
+        record.note("index")
+        sessions = record.sessions()
+        print(f"{len(sessions)} sessions of {len({row['pseudonym'] for row in sessions})} patients")
+    return 1 if record.notes else 0
 
 
-def _iso(time: datetime | None) -> str:
-    """Return a time in ISO 8601, empty for none."""
-    return "" if time is None else time.isoformat(timespec="milliseconds")
+def _due(options: argparse.Namespace) -> int:
+    until = datetime.now(timezone.utc) - options.older
+    with _opened(options.folder) as record:
+        record.update()
+        record.note("due")
+        last = {row["pseudonym"]: row for row in record.sessions()}
+        for pseudonym, row in last.items():
+            if row["begun"] is None or row["begun"] < until.timestamp():
+                print(f"{pseudonym} {local(row) or 'without a date'}")
+    return 0
 
 
-def csv_text(
-    columns: Sequence[str], rows: Sequence[dict[str, Any]], decimal_comma: bool = False
-) -> str:
-    """Return rows as CSV; SI units, empty for NaN.
-
-    decimal_comma: in numbers; columns are then separated by semicolons. Numbers have all digits:
-    reading them gives the same bits.
-    """
-    stream = io.StringIO()
-    separator = ";" if decimal_comma else ","
-    writer = csv.writer(stream, lineterminator="\n", delimiter=separator)
-    writer.writerow(columns)
-    writer.writerows([_cell(row[name], decimal_comma) for name in columns] for row in rows)
-    return stream.getvalue()
+def _access(options: argparse.Namespace) -> int:
+    with _opened(options.folder) as record:
+        for row in record.base.execute("SELECT * FROM kept.access ORDER BY at"):
+            at = datetime.fromtimestamp(row["at"]).astimezone().isoformat()
+            print(at, row["who"], row["what"], row["pseudonym"], row["place"])
+    return 0
 
 
-_MEANING = ("column", "label", "factor", "unit", "definition")
+@contextmanager
+def _opened(folder: Path) -> Iterator[Record]:
+    """Open the record of a folder. Raises BagError where that fails."""
+    try:
+        with closing(Record(folder.expanduser())) as record:
+            yield record
+    except (OSError, sqlite3.Error) as error:
+        raise BagError(f"the record of {folder} cannot be used: {error}") from None
 
 
-def _meaning() -> list[dict[str, Any]]:
-    """Return what the measures among the columns mean: a value times `factor` is in `unit`."""
-    rows = [(m.name, m.label, m.factor, m.unit, m.text) for m in MEASURES]
-    return [dict(zip(_MEANING, row, strict=True)) for row in rows]
+@contextmanager
+def _of_bags(options: argparse.Namespace, what: str) -> Iterator[Record]:
+    """Open the record of the folder of bags that was named, or make one of the bags in memory."""
+    folder, out = options.bags[0], str(options.out.resolve())
+    if len(options.bags) == 1 and folder.is_dir() and sources(folder):
+        with _opened(folder) as record:
+            record.update()
+            _tell(record.notes)
+            record.note(what, options.patient, out)
+            yield record
+        return
+    with closing(Record()) as record:
+        for bag in {os.path.realpath(bag): bag for bag in options.bags}.values():
+            record.add(bag, str(bag), sum_of(bag))
+        _tell([*record.notes, *record.copies()])
+        for above in {bag.resolve().parent for bag in options.bags}:
+            if (above / ACCESS).exists():
+                with _opened(above) as kept:
+                    for patient in {row["pseudonym"] for row in record.sessions()}:
+                        kept.note(what, patient, out)
+        yield record
 
 
-def _cell(value: Any, decimal_comma: bool) -> str:
-    if isinstance(value, bool):
-        return str(int(value))
-    if not isinstance(value, float):
-        return str(value)
-    text = "" if math.isnan(value) else str(value)
-    return text.replace(".", ",") if decimal_comma else text
-
-
-def _read(bag: Path) -> list[Recorded]:
-    remarks: list[str] = []
+def _read(bag: Path, remarks: list[str] | None) -> list[Recorded]:
     try:
         return read_sessions(bag, remarks)
     except ValueError as error:  # of the protocol in it
         raise BagError(str(error)) from None
-    finally:
-        for remark in remarks:
-            print(f"NOTE {remark}", file=sys.stderr)
+
+
+def _tell(notes: list[str]) -> None:
+    for note in notes:
+        print(f"NOTE {note}", file=sys.stderr)
 
 
 @contextmanager
@@ -175,11 +207,3 @@ def _writing(root: Path) -> Iterator[None]:
         yield
     except (OSError, ValueError) as error:
         raise BagError(f"--out {root}: {error}") from None
-
-
-def _in_order(bags: list[Path]) -> list[Recorded]:
-    once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
-    sessions, notes = without_copies(session for bag in once for session in _read(bag))
-    for note in notes:
-        print(f"NOTE {note}", file=sys.stderr)
-    return in_order(sessions)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Therapy sessions in recorded bags: states, results, samples; their order, and copies."""
+"""Therapy sessions in recorded bags: states, results, samples."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta, timezone
 from operator import itemgetter
 from pathlib import Path
@@ -33,6 +33,10 @@ _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
 _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
 
 
+class NoSession(BagError):
+    """A bag that can be read holds no therapy session."""
+
+
 class Act(NamedTuple):
     """A recorded change of state; after: number of the sample before it; state; reason."""
 
@@ -50,7 +54,8 @@ class Recorded(NamedTuple):
     recording began, with its offset from UTC; use_sim_time: of the session's nodes; both None if
     the bag does not tell, as those of older versions and other recorders. arm_weight: at the
     beginning [N], NaN = not weighed; by_hand: number of the sample before the support was set by
-    hand, and what was set [N], each time.
+    hand, and what was set [N], each time; side: of the arm, empty where nobody said; robot: what
+    stands before the names of its topics; stated_ns: stamp of its first state.
     """
 
     folder: Path
@@ -65,18 +70,21 @@ class Recorded(NamedTuple):
     use_sim_time: bool | None = None
     arm_weight: float = math.nan
     by_hand: tuple[tuple[int, float], ...] = ()
+    side: str = ""
+    robot: str = "/"
+    stated_ns: int = 0
 
     @property
     def is_simulated(self) -> bool:
         """Return whether its stamps are those of a rig, which begin anew with each start of it."""
         if self.use_sim_time is not None:
             return self.use_sim_time
-        return 0 <= self._stamp_ns < _SIMULATED_S * _S
+        return 0 <= self.stamp_ns < _SIMULATED_S * _S
 
     @property
     def begun(self) -> datetime | None:
         """Return the local time of its beginning, None if nothing tells it; see `local`."""
-        return self.local(self._stamp_ns)
+        return self.local(self.stamp_ns)
 
     def local(self, stamp_ns: int) -> datetime | None:
         """Return the local time of a stamp [ns] where it was recorded, None if nothing tells it.
@@ -92,18 +100,12 @@ class Recorded(NamedTuple):
         begun = self.recorded_at or _named_date(self.folder)
         if begun is None:
             return None
-        return begun + timedelta(microseconds=(stamp_ns - self._stamp_ns) // 1000)
+        return begun + timedelta(microseconds=(stamp_ns - self.stamp_ns) // 1000)
 
     @property
-    def identity(self) -> tuple[str, str, datetime | None, int]:
-        """Return what a copy of the bag has in common with it, and no other session has."""
-        return self.patient, self.protocol_sha256, self.begun, self._stamp_ns
-
-    @property
-    def _stamp_ns(self) -> int:
-        if self.trials:
-            return self.trials[0]["started_ns"]
-        return self.samples[0].stamp_ns if self.samples else 0
+    def stamp_ns(self) -> int:
+        """Stamp of its first trial [ns], without one of its first state."""
+        return self.trials[0]["started_ns"] if self.trials else self.stated_ns
 
 
 def _named_date(folder: Path) -> datetime | None:
@@ -127,53 +129,26 @@ def _told(folder: Path) -> tuple[datetime | None, bool | None]:
     return begun if begun and begun.tzinfo else None, any(known) if known else None
 
 
-def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
-    """Return sessions by their begins; in the given order if that of one is unknown.
-
-    A local time without an offset, of a folder's name, gets that of the first session that tells
-    one: those of a patient are of one clinic.
-    """
-    told = (session.recorded_at.tzinfo for session in sessions if session.recorded_at)
-    zone = next(told, timezone.utc)
-    dated = sorted(
-        (begun if begun.tzinfo else begun.replace(tzinfo=zone), place)
-        for place, session in enumerate(sessions)
-        if (begun := session.begun) is not None
-    )
-    return [sessions[p] for _, p in dated] if len(dated) == len(sessions) else list(sessions)
-
-
-def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:
-    """Return each session once, and one sentence for each copy, which would count double.
-
-    Of copies the one with most samples stays: a bag that was cut off has less than its copy.
-    """
-    found: dict[tuple, Recorded] = {}
-    notes = []
-    for session in sessions:
-        known = found.setdefault(session.identity, session)
-        if known is not session:
-            less, more = sorted((session, known), key=lambda one: len(one.samples))
-            found[session.identity] = more
-            notes.append(f"{less.folder} is a copy of {more.folder}: left out")
-    return list(found.values()), notes
-
-
-def read_sessions(folder: Path | str, remarks: list[str] | None = None) -> list[Recorded]:
+def read_sessions(
+    folder: Path | str, remarks: list[str] | None = None, with_samples: bool = True
+) -> list[Recorded]:
     """Return the sessions in a bag, in order; a bag of an older version may contain several.
 
-    remarks: gets what `read_bag` remarks. Raises BagError if the bag cannot be read, contains no
-    session or a protocol that does not match its hash, SettingError if its protocol is invalid.
+    remarks: gets what `read_bag` remarks. with_samples: False leaves out those of the hand, so that
+    little more is read than the index of the bag names. Raises BagError if the bag cannot be read,
+    contains no session or a protocol that does not match its hash, SettingError if its protocol is
+    invalid.
     """
     folder = Path(folder)
     names = _names(folder)
     found: dict[str, list[Any]] = {name: [] for name in names.values()}
-    for each in read_bag(folder, found, remarks):
+    wanted = [name for name in found if with_samples or name != names[_HAND]]
+    for each in read_bag(folder, wanted, remarks, by_index=not with_samples):
         found[each.topic].append(each.message)
     states = _in_time(found[names[_STATE]])
     begins = [index for index, state in enumerate(states) if state.definition]
     if not begins:
-        raise BagError(f"{folder}: no therapy session begins in it")
+        raise NoSession(f"{folder}: no therapy session begins in it")
     parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
     trials, changes = (found.get(names.get(name, ""), []) for name in (_TRIAL, _ASSISTANCE))
     hands = _in_time(found[names[_HAND]])
@@ -184,7 +159,10 @@ def read_sessions(folder: Path | str, remarks: list[str] | None = None) -> list[
             [_trial(m) for m in trials if begin <= ns_of(m.header.stamp) < end],
             [_change(m) for m in changes if begin <= ns_of(m.header.stamp) < end],
             [m for m in hands if begin - _S <= ns_of(m.header.stamp) < end],
-        )._replace(recorded_at=recorded_at, use_sim_time=use_sim_time)
+        )._replace(
+            recorded_at=recorded_at, use_sim_time=use_sim_time,
+            robot=names[_HAND].removesuffix(_HAND),
+        )
         for part, (begin, end) in zip(parts, _spans(parts), strict=True)
     ]  # fmt: skip
 
@@ -231,6 +209,7 @@ def _session(
             (int(state.support_since), state.support)
             for state in states if getattr(state, "support_since", 0)
         )),
+        side=getattr(first, "side", ""), stated_ns=ns_of(first.header.stamp),
     )  # fmt: skip
 
 
@@ -242,7 +221,7 @@ def _names(folder: Path) -> dict[str, str]:
         if f"/{topic}".endswith(f"/{_STATE}") and topic.removesuffix(_STATE) + _HAND in known
     )  # fmt: skip
     if not robots:
-        raise BagError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
+        raise NoSession(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
     if len(robots) > 1:
         robots = [robot for robot in robots if _has_session(folder, robot)] or robots[:1]
     if len(robots) != 1:
@@ -255,7 +234,8 @@ def _names(folder: Path) -> dict[str, str]:
 
 
 def _has_session(folder: Path, robot: str) -> bool:
-    return any(m.message.definition for m in read_bag(folder, [robot + _STATE]))
+    states = read_bag(folder, [robot + _STATE], by_index=True)
+    return any(state.message.definition for state in states)
 
 
 def _acts(states: list[Any], patient: str) -> list[Act]:

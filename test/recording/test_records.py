@@ -5,6 +5,7 @@ import mcap.writer
 import numpy as np
 import pytest
 from bag_counts import MS, START
+from mcap.reader import make_reader
 from mcap_ros2.writer import Writer
 
 from screw_module_ros.recording.bag import Bag, BagError, Message
@@ -124,3 +125,65 @@ def test_file_of_another_recorder(tmp_path):
             writer.write_message("/p", schema, {"x": number, "y": 0.5}, log_time=number)
     found = columns(tmp_path / "other.mcap", "/p")
     np.testing.assert_array_equal(found["x"], range(4))
+
+
+def chunks_without(path, topic):
+    """Return the places of the chunks that hold no message of a topic, with their ends."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    (channel,) = (n for n, found in summary.channels.items() if found.topic == topic)
+    return [
+        (chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length)
+        for chunk in summary.chunk_indexes if channel not in chunk.message_index_offsets
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def rare(tmp_path, topic, codec):
+    """A bag with a chunk of each: samples, a trial, samples, and notes behind them."""
+    writer = Bag(tmp_path / "rare")
+    samples, trials = (writer.add_topic(topic(name, kind)) for name, kind in (
+        ("/screw/encoder", "EncoderSample"), ("/therapy/trial", "TrialResult")))  # fmt: skip
+    for number, channel in enumerate((samples, trials, samples, trials)):
+        kind = "EncoderSample" if channel == samples else "TrialResult"
+        for more in range(3):
+            data = codec.encode(f"screw_module_msgs/msg/{kind}", {})
+            at = START + 10 * number + more
+            writer.write([Message(channel, at, at, number * 3 + more + 1, data)])
+        writer.flush()
+    writer.note("clock", {"begun": "2026-03-03T13:05:00+01:00"})
+    writer.close()
+    return writer.folder
+
+
+def test_the_index_gives_the_messages_of_a_topic_and_nothing_else_is_read(rare):
+    """A session's record took as long as its 200 MB of samples; half a minute."""
+    whole = [found.log_time for found in read_bag(rare, ["/therapy/trial"])]
+    assert len(whole) == 6
+    path = rare / "rare_0.mcap"
+    data = bytearray(path.read_bytes())
+    for begin, end in chunks_without(path, "/therapy/trial"):
+        data[begin + 9 : end] = b"\xa5" * (end - begin - 9)
+    path.write_bytes(data)
+    found = list(read_bag(rare, ["/therapy/trial"], by_index=True))
+    assert [each.log_time for each in found] == whole
+    assert set(topics(rare)) == {"/screw/encoder", "/therapy/trial"}
+    assert notes(rare)["clock"] == {"begun": "2026-03-03T13:05:00+01:00"}
+    with pytest.raises(BagError, match="session recover"):
+        list(read_bag(rare, ["/screw/encoder"], by_index=True))
+
+
+def test_a_damaged_chunk_is_noticed_by_the_index_too(rare):
+    path = rare / "rare_0.mcap"
+    data, (spared, *_) = bytearray(path.read_bytes()), chunks_without(path, "/screw/encoder")
+    data[spared[1] - 20] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(BagError, match="is damaged: .*session recover"):
+        list(read_bag(rare, ["/therapy/trial"], by_index=True))
+
+
+def test_an_unfinished_bag_is_refused_by_the_index(rare):
+    path = rare / "rare_0.mcap"
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(BagError, match="has no whole index.*session recover"):
+        list(read_bag(rare, ["/therapy/trial"], by_index=True))

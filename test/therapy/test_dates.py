@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import time
+from contextlib import closing
 from datetime import datetime, timedelta
 
 import pytest
@@ -14,7 +15,8 @@ from session_bag import played, short_text, write_bag
 from simulated_patient import HEALTHY
 
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.recorded import in_order, read_sessions
+from screw_module_ros.therapy.record import Record, local
+from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.report_content import date_of
 
 DEFINITION = short_text(count=1)
@@ -92,17 +94,20 @@ def test_a_beginning_that_is_no_text_is_none(tmp_path):
     assert read_sessions(bag)[0].recorded_at is None
 
 
-def test_a_local_time_of_a_name_is_ordered_by_the_offset_that_another_session_tells(
-    recorded, reader_in
-):
-    """It was taken for UTC, an hour late in Berlin, and so came after the later session."""
-    name = "P-7K3QX_elevator_2026_03_03-13_05_00"
-    (named,) = read_sessions(recorded(900, "", None, name))
-    (later,) = read_sessions(recorded(MARCH + 1500, "2026-03-03T13:30:00+01:00", False))
-    assert in_order([later, named]) == in_order([named, later]) == [named, later]
-    (older,) = read_sessions(recorded(MARCH - 600))
-    assert in_order([later, named, older]) == [older, named, later], "in UTC: 11:55"
-    assert in_order([named, older]) == [older, named]
+def test_sessions_stand_by_date_in_whatever_order_they_are_given(recorded, reader_in):
+    """Simulated ones by the beginning of their recording, though their time begins anew."""
+    older = recorded(MARCH - 600)
+    simulated = recorded(900, "2026-03-03T13:05:00+01:00", True)
+    again = recorded(300, "2026-03-03T13:15:00+01:00", True)
+    later = recorded(MARCH + 1500, "2026-03-03T13:30:00+01:00", False)
+    undated = recorded(900)
+    expected = [undated, older, simulated, again, later]
+    for given in (expected, expected[::-1]):
+        with closing(Record()) as record:
+            for bag in given:
+                record.add(bag, str(bag), "")
+            assert [record.path(row) for row in record.sessions()] == expected
+            assert local(record.sessions()[2]).isoformat() == "2026-03-03T13:05:00+01:00"
 
 
 def exported(bag, out, *options):

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scores of a patient beside the bags: numbers that a person gives, on scales with known bounds.
+
+Most are taken where no session runs, so no bag can hold them. They lie in one file a patient, which
+the index of the record reads again and `session forget` deletes:
+
+    {"scores": [{"at": "2026-03-03T13:05:00+01:00", "scale": "FM_UE", "value": 34.0}]}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from ..files import replace
+from ..settings import Setting, plain, validated
+from ..settings_file import read_file
+
+ENDING = "_scores.json"
+SCALES = {
+    "pain_before": 10.0, "pain_after": 10.0, "tired_before": 10.0, "tired_after": 10.0,
+    "discomfort": 10.0, "FM_UE": 66.0, "ARAT": 57.0, "MAS_elbow": 4.0, "MAS_shoulder": 4.0,
+    "rests": 100.0, "spasms": 100.0, "chair_x": 200.0, "chair_height": 200.0, "handle_angle": 180.0,
+}  # fmt: skip
+"""Largest value by scale, the smallest is 0. 0 to 10 as the patient says, Fugl-Meyer of the upper
+extremity, ARAT, modified Ashworth (1+ is 1.5), numbers in a session, chair [cm], handle [deg]."""
+
+
+class Score(NamedTuple):
+    """What was found when: ISO 8601 with its offset from UTC, scale, value."""
+
+    at: Annotated[str, Setting("when, in local time with its offset from UTC")]
+    scale: Annotated[str, Setting("what was scored", choices=tuple(SCALES))]
+    value: Annotated[float, Setting("how much", "", 0.0, 200.0)]
+
+    def flaw(self) -> str:
+        """Return what does not fit together."""
+        try:
+            dated = datetime.fromisoformat(self.at).tzinfo is not None
+        except ValueError:
+            dated = False
+        if not dated:
+            return f"at = {self.at[:40]!r}: a time like 2026-03-03T13:05:00+01:00 is wanted"
+        most = SCALES[self.scale]
+        return "" if self.value <= most else f"value: {self.scale} ends at {most:g}"
+
+
+class _Scores(NamedTuple):
+    scores: tuple[Score, ...]
+
+
+def scores_in(file: Path) -> tuple[Score, ...]:
+    """Return the scores in a file, none if it is not there. Raises SettingError."""
+    return read_file(file, _Scores).scores if file.exists() else ()
+
+
+def keep_scores(folder: Path, pseudonym: str, scores: Iterable[Score]) -> None:
+    """Add scores to those of a patient, each once. Raises SettingError, OSError."""
+    file = folder / f"{pseudonym}{ENDING}"
+    kept = sorted({*scores_in(file), *map(validated, scores)})
+    replace(file, json.dumps(plain(_Scores(tuple(kept))), indent=1), private=True)
