@@ -16,10 +16,13 @@ from pathlib import Path
 
 from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
+from ..settings import SettingError
 from .export import csv_text, masked, write_tables
-from .record import ACCESS, Record, local, sources, sum_of
+from .progress import as_text, progress_of
+from .record import ACCESS, Record, alone, local, sources, sum_of
 from .recorded import Recorded, read_sessions
 from .replay import replayed
+from .scores import SCALES, Score, keep_scores
 
 _FOLDER = Path("~/sessions")  # the recorder's default
 _DAYS = {"y": 365.25, "m": 30.4375, "d": 1.0}
@@ -56,10 +59,26 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
         ("index", _index, "bring the record up to date with the bags and scores of its folder"),
         ("due", _due, "patients whose last session is older than a time"),
         ("access", _access, "who has read or written what of the record, in the last year"),
+        ("progress", _progress, "a patient's sessions side by side, as text or as a page"),
+        ("score", _score, f"keep a score of a patient: {', '.join(SCALES)}"),
     ):
         command = commands.add_parser(name, help=text, description=text)
+        if run in _OF_PATIENT:
+            command.add_argument("patient", type=_pseudonym, help="pseudonym")
+        if run is _score:
+            command.add_argument("scale", choices=tuple(SCALES), metavar="SCALE", help="its name")
+            command.add_argument("value", type=float, help="number on that scale")
+            text = "when, like 2026-03-03T13:05:00+01:00, by default now"
+            command.add_argument("--at", default="", help=text)
+        if run is _progress:
+            text = "write the page into this folder, in a folder of the patient"
+            command.add_argument("--out", type=Path, help=text, metavar="FOLDER")
         what = "that holds the bags, by default ~/sessions"
-        command.add_argument("folder", type=Path, nargs="?", default=_FOLDER, help=what)
+        place = {"metavar": "FOLDER", "type": Path, "default": _FOLDER, "help": what}
+        if run in _OF_PATIENT:
+            command.add_argument("--folder", **place)
+        else:
+            command.add_argument("folder", nargs="?", **place)
         command.set_defaults(run=run)
         if run is _due:
             text = "like 10y, 18m or 90d"
@@ -153,6 +172,41 @@ def _access(options: argparse.Namespace) -> int:
             at = datetime.fromtimestamp(row["at"]).astimezone().isoformat()
             print(at, row["who"], row["what"], row["pseudonym"], row["place"])
     return 0
+
+
+def _progress(options: argparse.Namespace) -> int:
+    with _opened(options.folder) as record:
+        record.update()
+        _tell(record.notes)
+        record.note("progress", options.patient, str(options.out.resolve() if options.out else ""))
+        try:
+            found = progress_of(record, options.patient)
+        except ValueError as error:
+            raise BagError(str(error)) from None
+    if options.out is None:
+        print(as_text(found))
+        return 0
+    from .progress_page import write_progress  # matplotlib takes a second
+
+    with _writing(options.out):
+        folder = patient_folder(options.out, options.patient)
+        print(write_progress(folder / "progress.html", found))
+    return 0
+
+
+def _score(options: argparse.Namespace) -> int:
+    at = options.at or datetime.now().astimezone().isoformat(timespec="seconds")
+    with _opened(options.folder) as record, alone(options.folder.expanduser()):
+        try:
+            score = Score(at, options.scale, options.value)
+            keep_scores(options.folder.expanduser(), options.patient, [score])
+        except SettingError as error:
+            raise BagError(str(error)) from None
+        record.note("score", options.patient)
+    return 0
+
+
+_OF_PATIENT = (_progress, _score)
 
 
 @contextmanager

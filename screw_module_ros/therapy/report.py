@@ -11,6 +11,7 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
@@ -57,11 +58,8 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
     patient = patient_of(sessions)
     latest, found = sessions[-1], compared(sessions)
     adapted = any(session.changes for session in sessions)
-    pages = Environment(
-        loader=PackageLoader("screw_module_ros", "therapy"), autoescape=True,
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    text = pages.get_template("report.html.jinja").render(
+    text = rendered(
+        "report.html.jinja",
         patient=patient,
         statement=STATEMENT,
         rate=rate_of(sessions),
@@ -84,6 +82,15 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
     )
     replace(file, text, private=True)
     return file
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return a page with these values; template: its file beside this one."""
+    pages = Environment(
+        loader=PackageLoader("screw_module_ros", "therapy"), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return pages.get_template(template).render(values)
 
 
 def patient_of(sessions: Sequence[Recorded]) -> str:
