@@ -35,7 +35,7 @@ setup(
     package_data={
         NAME: ["py.typed", "devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
                "bridge/pages/static/*/*", "bridge/pages/static/*/*/*", "therapy/*.jinja",
-               "identification/*.jinja", "control/laws/*.yaml"]
+               "identification/*.jinja", "trials/*.html", "control/laws/*.yaml"]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -50,6 +50,7 @@ ARGUMENTS = (
     _argument("without", "", "Nodes to leave out, by comma."),
     _argument("network", "false", "Let other machines take part (see docs/security.md)."),
     _argument("rviz", "false", "Show the robot in RViz."),
+    _argument("prefix", "", "Before the frames' names: so robots share /tf, and one RViz."),
 )  # fmt: skip
 
 
@@ -97,7 +98,7 @@ def nodes(context):
         *(LogInfo(msg=f"warning: {sentence}") for sentence in told),
         _fails_without(started),
         *started,
-        *_viewers(planned.namespace, rviz, changed),
+        *_viewers(planned.namespace, rviz, changed, value["prefix"]),
     ]
 
 
@@ -113,15 +114,16 @@ def _fails_without(started):
     return RegisterEventHandler(OnProcessExit(on_exit=ended))
 
 
-def _viewers(namespace, rviz, env):
+def _viewers(namespace, rviz, env, prefix):
     """Return the actions that show the robot, with what of it is installed.
 
-    A second robot has a TF of its own, so that both keep their frames' names.
+    A second robot has a TF of its own, so that both keep their frames' names, or a prefix.
     """
-    own_tf = [("/tf", "tf"), ("/tf_static", "tf_static")]
+    own_tf = [] if prefix else [("/tf", "tf"), ("/tf_static", "tf_static")]
     found = []
     if _is_installed("robot_state_publisher"):
-        described = {"robot_description": ParameterValue(robot_description(), value_type=str)}
+        text = robot_description(prefix=prefix)
+        described = {"robot_description": ParameterValue(text, value_type=str)}
         found.append(
             Node(
                 package="robot_state_publisher", executable="robot_state_publisher",
@@ -129,11 +131,12 @@ def _viewers(namespace, rviz, env):
                 additional_env=env,
             )
         )  # fmt: skip
+    shown = "two_robots" if prefix else "therapy_robot"
     if rviz and _is_installed("rviz2"):
         found.append(
             Node(
                 package="rviz2", executable="rviz2", namespace=namespace, remappings=own_tf,
-                arguments=["-d", str(resource_path("rviz/therapy_robot.rviz"))], additional_env=env,
+                arguments=["-d", str(resource_path(f"rviz/{shown}.rviz"))], additional_env=env,
             )
         )  # fmt: skip
     elif rviz:

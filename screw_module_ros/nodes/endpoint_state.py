@@ -4,8 +4,8 @@
 The robot's motion does not depend on this node. The plane is carried to the instant of z, once for
 both topics: what has one stamp shows one pose. In `endpoint_state` an axis that is stale or not
 homed is marked invalid and has NaN as values. In `joint_states` it is omitted, because subscribers
-take every value there for a measurement. Its joints are those of the URDF. The parameter `rate`
-sets the rate of `endpoint_state`; `joint_states` has half of it.
+take every value there for a measurement. Its joints are those of the URDF, those that follow others
+among them. The parameter `rate` sets the rate of `endpoint_state`; `joint_states` has half of it.
 """
 
 from __future__ import annotations
@@ -37,6 +37,13 @@ from .support.topics import Newest, offered, requested
 _NAN = math.nan
 _CARRIED_S = 0.02  # time for which a velocity is good for a position
 _JOINTS_EVERY = 2
+_FOLLOWERS = {
+    "crank": ("elbow", 1.0),
+    "coupler": ("elbow", -1.0),
+    "handle_elbow": ("elbow", -1.0),
+    "handle_shoulder": ("shoulder", -1.0),
+}
+"""Joint of the URDF -> the joint that it mimics, and how often. The screw follows by its lead."""
 _INPUTS = {
     graph.ENCODER: graph.ENCODER_DECIMATED,
     graph.FORCE: graph.FORCE_DECIMATED,
@@ -114,7 +121,9 @@ class EndpointStateNode(Node):
     def _publish_joints(
         self, stamp: Any, encoder: Any, plane: PlaneNow | None, amplifier: Any
     ) -> None:
-        joints = {**planar_joints(plane), **vertical_joint(encoder, amplifier, self._screw)}
+        joints = all_joints(
+            {**planar_joints(plane), **vertical_joint(encoder, amplifier, self._screw)}, self._screw
+        )
         if not joints:
             return
         message = self._joints
@@ -209,6 +218,22 @@ def vertical_joint(
         return {}
     force = torque_to_force(amplifier.measured_torque, screw)
     return {"vertical": (encoder.position, encoder.velocity, force)}
+
+
+def all_joints(
+    driven: dict[str, tuple[float, float, float]], screw: Screw
+) -> dict[str, tuple[float, float, float]]:
+    """Return joints with those that mimic them: angle [rad], speed [rad/s], and no torque.
+
+    A viewer that knows no mimic shows the whole machine too. The torque stands at the joint that
+    the motor drives.
+    """
+    followers = {**_FOLLOWERS, "screw": ("vertical", 2.0 * math.pi / screw.lead)}
+    return driven | {
+        name: (times * driven[of][0], times * driven[of][1], 0.0)
+        for name, (of, times) in followers.items()
+        if of in driven
+    }
 
 
 def _fill_plane(message: EndpointState, plane: PlaneNow | None) -> None:

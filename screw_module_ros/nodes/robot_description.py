@@ -2,6 +2,9 @@
 """`robot_description`: the robot as URDF; shape from `urdf/`, dimensions from the settings.
 
     ros2 run screw_module_ros robot_description > therapy_robot.urdf
+
+Masses and inertias are those of the simulated rig, `params/plant.yaml`, which `urdf/parts.xacro`
+reads by itself, as it reads the figures of the thesis.
 """
 
 from __future__ import annotations
@@ -12,19 +15,25 @@ import xacro
 from screw_module_ros.control.limits import CommandLimits
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import MANUS, PlanarArm
+from screw_module_ros.geometry import MANUS, SCREW, PlanarArm
 from screw_module_ros.resources import resource_path
 from screw_module_ros.safety.checks import WatchSettings
+from screw_module_ros.thesis import FACTS_FILE
 
 SHAPE = "urdf/therapy_robot.urdf.xacro"
+MASSES = "params/plant.yaml"
 JOINT_SPEED = 6.0
 """Speed limit of the joints [rad/s], required by URDF; the laws limit the hand's speed instead."""
 
 
-def robot_description(arm: PlanarArm = MANUS) -> str:
+def robot_description(
+    arm: PlanarArm = MANUS, handle_angle: float = 0.0, prefix: str = ""
+) -> str:
     """Return the URDF of the robot with these dimensions and the default limits of the nodes.
 
-    Frames and joints: see the file. Raises ResourceError where it is not installed.
+    handle_angle: of the grip about the line from the screw to it, 0 = upright [rad] (thesis
+    3.1.10). prefix: before the names of the links, so that two robots share a TF. Frames and
+    joints: see the file. Raises ResourceError where it is not installed.
     """
     plane, vertical = PlanarSettings(), VerticalSettings()
     lengths = {
@@ -32,6 +41,8 @@ def robot_description(arm: PlanarArm = MANUS) -> str:
         "forearm": arm.forearm,
         "base_x": arm.base_x,
         "base_y": arm.base_y,
+        "lead": SCREW.lead,
+        "handle_angle": handle_angle,
         "shoulder_low": plane.shoulder_low,
         "shoulder_high": plane.shoulder_high,
         "between_low": plane.between_low,
@@ -44,10 +55,14 @@ def robot_description(arm: PlanarArm = MANUS) -> str:
         "vertical_speed": WatchSettings().speed,
     }
     mappings = {name: repr(float(value)) for name, value in lengths.items()}
+    mappings |= {"plant": str(resource_path(MASSES)), "thesis": str(resource_path(FACTS_FILE))}
+    mappings["prefix"] = prefix
     return xacro.process_file(str(resource_path(SHAPE)), mappings=mappings).toprettyxml("  ")
 
 
 @click.command()
-def command() -> None:
+@click.option("--handle-angle", default=0.0, metavar="RAD", help="Of the grip, 0 = upright.")
+@click.option("--prefix", default="", help="Before the links' names: two robots in one TF.")
+def command(handle_angle: float, prefix: str) -> None:
     """Print the robot's URDF."""
-    click.echo(robot_description())
+    click.echo(robot_description(handle_angle=handle_angle, prefix=prefix))

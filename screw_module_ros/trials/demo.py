@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`demo`: the whole robot against the simulated rig, from bring-up to a table and two figures.
+"""`demo`: the whole robot against the simulated rig: a table, two figures and a moving picture.
 
 Every node runs as a process of its own. A simulated patient (the arm of the thesis's simulation,
 6.4.3) moves the handle through a spring of 100 N/m about 0.18 m in three modes, and then holds it
@@ -45,6 +45,7 @@ from ..nodes.bringup import shared_process
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
 from ..terminal import Console, output_option
+from .moving_picture import moving_picture
 from .patient import STILL, Hand, Way, centre_out, targets
 from .runner import GraphRun, command, new_folder, recordings_in, running
 
@@ -205,7 +206,7 @@ def demo(
     node_logs: bool, composed: bool, one_process: bool, wall_clock: bool, devices: str,
     strict: bool,
 ) -> bool:  # fmt: skip
-    """Run the therapy robot against its simulated rig: table, figures and a bag."""
+    """Run the therapy robot against its simulated rig: table, figures, moving picture, a bag."""
     begun = time.monotonic()
     run = new_folder(folder, console)
     extra = [*recordings_in(run), "-p", "session_recorder:name:=session"]
@@ -341,6 +342,8 @@ def evaluated(
         "path.png": path_views(paths, "Path of the handle"),
     }
     files = [save(figure, folder / name) for name, figure in drawn.items()]
+    lasted = [1e-9 * (part.whole.end_ns - part.whole.begin_ns) for part in parts]
+    files.append(moving_picture(paths, lasted, folder / "machine.html"))
     results = Results(
         parts, traces, found, undamped, held, paths, timing(topics, whole), counts,
         bag if keep_bag else None, files, factor,

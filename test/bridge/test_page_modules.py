@@ -8,12 +8,19 @@ import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
+from urdf_model import Model
 
+import picture
 from screw_module_ros.bridge.pages import FOLDER
+from screw_module_ros.drawing import Path3D
+from screw_module_ros.geometry import inverse
+from screw_module_ros.nodes.robot_description import robot_description
 from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.recording.pseudonym import PATTERN, checked_pseudonym
 from screw_module_ros.therapy.protocol import KINDS
+from screw_module_ros.trials.moving_picture import moving_picture
 
 PLAYED_DOCUMENT = """
 class Played {
@@ -840,3 +847,105 @@ def test_where_there_is_no_full_screen_the_button_still_keeps_the_screen_on(resu
         button.onclick(); await tick();
         const result = count();
     """) == [1, 1]
+
+
+WALK = """
+const { jointsAt, machineAt, posesOf } = await import("./js/machine/kinematics.js");
+const places = [];
+for (const x of [-0.19, -0.05, 0, 0.12, 0.19])
+  for (const y of [-0.22, 0, 0.1, 0.22])
+    for (const z of [0, 0.11, 0.36]) places.push([x, y, z]);
+const result = places.map((place) => {
+  const joints = jointsAt(...place);
+  return { place, joints, poses: posesOf(joints) };
+});
+"""
+
+
+def test_over_the_workspace_the_picture_s_links_are_where_the_urdf_has_them(result_of):
+    model = Model(robot_description())
+    for each in result_of(WALK):
+        x, y, z = each["place"]
+        shoulder, elbow = inverse(x, y)
+        wanted = {"shoulder": shoulder, "elbow": elbow - shoulder, "vertical": z}
+        assert each["joints"] == pytest.approx(wanted, abs=1e-12)
+        assert each["poses"].keys() == model.links.keys()
+        for link, pose in each["poses"].items():
+            pose_there = model.pose(link, wanted)
+            assert pose["at"] == pytest.approx(pose_there[:3, 3], abs=1e-12), link
+            assert np.array(pose["turn"]) == pytest.approx(pose_there[:3, :3], abs=1e-12), link
+        assert each["poses"]["handle"]["at"] == pytest.approx([x, y, z], abs=1e-12)
+
+
+def test_the_pictures_are_of_the_urdf_of_today():
+    """`tools/run python tools/picture.py` makes them anew."""
+    assert picture.PARTS.read_text("utf-8") == picture.parts_text(
+        picture.machine_of(robot_description())
+    )
+    program = node_program()
+    if program is None:
+        pytest.skip("neither Playwright nor Node is installed: the drawing is not compared")
+    assert picture.DRAWING.read_text("utf-8") == picture.drawing(program)
+
+
+PAINTED = """
+const { machineAt } = await import("./js/machine/kinematics.js");
+const { camera, painted } = await import("./js/machine/picture.js");
+const view = camera([-3, -1.5, 1.6], [0, 0, 0], 800, 500, 1.5);
+const faces = painted(machineAt(0, 0, 0.2), view);
+const result = { order: faces.map(({ far }) => far),
+  points: faces.flatMap(({ points }) => points.map(([x, y]) => [x, y])) };
+"""
+
+
+def test_a_picture_is_painted_from_far_to_near(result_of):
+    painted = result_of(PAINTED)
+    assert len(painted["order"]) > 300
+    assert painted["order"] == sorted(painted["order"], reverse=True)
+    x, y = np.array(painted["points"]).T
+    assert np.isfinite(x).all() and 0 < x.min() < x.max() < 800 and y.min() > 0
+
+
+def test_the_demo_s_page_has_the_paths_and_draws_them_by_itself(tmp_path):
+    """Its script is one module without an import; what it draws is inside the picture."""
+    program = node_program()
+    if program is None:
+        pytest.skip("neither Playwright nor Node is installed")
+    points = np.array([[0.0, 0.0, 0.1], [0.05, 0.02, 0.12], [0.1, 0.05, 0.2]])
+    file = moving_picture([Path3D("5 observer", points)], [0.2], tmp_path / "machine.html")
+    script = re.search(r"<script type=\"module\">(.*)</script>", file.read_text("utf-8"), re.S)[1]
+    assert "import " not in script
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    (tmp_path / "page.js").write_text(f"{PLAYED_PAGE}{script}\n{SAYS}")
+    ended = subprocess.run(
+        [program, str(tmp_path / "page.js")],
+        check=False, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    shown = json.loads(ended.stdout)
+    assert shown["drawn"] > 300
+    assert shown["says"] == [
+        "Mode 5 observer, 0.0 s. Handle at x 0.0 cm, y 0.0 cm, z 10.0 cm.",
+        "Mode 5 observer, 0.2 s. Handle at x 10.0 cm, y 5.0 cm, z 20.0 cm.",
+    ]
+
+
+PLAYED_PAGE = """
+let drawn = 0;
+const frames = [], elements = {};
+const call = (name) => () => { drawn += name === "fill" ? 1 : 0; };
+const context = new Proxy({}, { get: (_, name) => call(name), set: () => true });
+globalThis.document = { getElementById: (id) => elements[id] ??= {
+  clientWidth: 800, clientHeight: 500, value: "0", getContext: () => context } };
+globalThis.window = {};
+globalThis.performance = { now: () => 0 };
+globalThis.requestAnimationFrame = (call) => frames.push(call);
+"""
+SAYS = """
+const told = [];
+for (const now of [0, 199]) {
+  frames.pop()(now);
+  told.push(elements.says.textContent);
+}
+console.log(JSON.stringify({ drawn, says: told }));
+"""

@@ -190,8 +190,11 @@ def test_an_offset_out_of_bounds_is_said_plainly(undrawn, tmp_path, beyond):
 
 def test_figures_and_numbers_are_written(good):
     folder, results = good
-    assert [file.name for file in results.files] == ["force_position.png", "path.png"]
-    assert all(file.read_bytes().startswith(b"\x89PNG") for file in results.files)
+    *drawn, moving = results.files
+    assert [file.name for file in drawn] == ["force_position.png", "path.png"]
+    assert all(file.read_bytes().startswith(b"\x89PNG") for file in drawn)
+    text = moving.read_text("utf-8")
+    assert moving.name == "machine.html" and all(f'"name": "{name}"' in text for name in MODES)
     told = yaml.safe_load((folder / "results.yaml").read_text())
     assert told["modes"][0]["offset"]["mean"] == pytest.approx(9.5)
     assert told["modes"][2]["held"] == pytest.approx(0.125)

@@ -97,7 +97,7 @@ export const PAGE = {
   stop: "Software stop", notEmergency: "(not the emergency stop)",
   stopping: "Software stop asked for …",
   stopped: "The software stop was carried out. What to do now stands beside its button.",
-  session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
+  machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
   protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
   armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
   pause: "Pause", pauses: "walls go, the arm stays carried", resume: "Resume", end: "End session", save: "Stop recording",

@@ -8,6 +8,7 @@ import {
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
+import { MachineCard } from "./machine.js";
 import { MovementsCard } from "./movements.js";
 import { SessionCard } from "./session.js";
 import { SupportCard } from "./support.js";
@@ -37,12 +38,13 @@ export class RobotPanel {
     this.limits = new LimitsCard(call, (values) => { this.allowed = values; });
     this.views = new Views();
     this.traces = new Traces();
+    this.machine = new MachineCard();
     this.movements = new MovementsCard(config.measures);
     this.element = el("article", { className: "robot", id: `robot${robot.replaceAll("/", "-")}` },
       el("section", { className: "card top" },
         el("div", { className: "about" }, ...(config.robots.length > 1 ? [el("h2", {}, robotTitle(robot))] : []),
           this.badge, this.sentence, this.reasons), this.stop),
-      column(this.session, this.limits), column(this.views, this.traces), column(this.support, this.movements));
+      column(this.session, this.limits), column(this.views, this.traces), column(this.support, this.machine, this.movements));
     this.hear("endpoint_state", (message) => {
       this.views.take(message);
       this.traces.take(message);
@@ -115,6 +117,7 @@ export class RobotPanel {
     if (now - this.drawn > TRACE_MS) {
       this.drawn = now;
       this.traces.draw();
+      this.machine.draw(endpoint);
     }
   }
 }
