@@ -21,7 +21,6 @@ written down for who reads the file.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -31,6 +30,7 @@ from ..control.laws.thesis import THESIS
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Field, Setting, SettingError, fields, problem, shown
 from ..settings_file import load, read_file, read_text
+from .limits_file import text_checksum
 from .module import check_serial
 from .version import fits, law_version
 
@@ -375,8 +375,3 @@ def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
                 "gain_limits_file"
             )
     return limits
-
-
-def text_checksum(text: str) -> str:
-    """Return the checksum of a file's text before its last line."""
-    return hashlib.sha256(text.encode()).hexdigest()

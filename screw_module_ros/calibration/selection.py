@@ -13,6 +13,7 @@ from ..control.vertical_settings import VerticalSettings
 from ..resources import resource_path
 from ..settings import Setting, SettingError
 from .gain_limits import GainLimits, load_gain_limits
+from .limits_file import GainLimitsSettings
 from .module import (
     THESIS_FILE,
     ModuleCalibration,
@@ -34,23 +35,6 @@ class CalibrationSettings(NamedTuple):
     module_serial: Annotated[
         str, Setting("serial of the connected module, empty when unknown")
     ] = ""
-
-
-class GainLimitsSettings(NamedTuple):
-    """Parameters of a node that keeps to a module's gain limits."""
-
-    gain_limits_file: Annotated[
-        str, Setting("gain limits of a linear model of the module, empty for none",
-                     formerly="certificate_file")
-    ] = ""
-    gain_limits_required: Annotated[
-        bool, Setting("refuse modes with force feedback or observer without gain limits",
-                      formerly="certificate_required")
-    ] = True
-    beyond_gain_limits: Annotated[
-        bool, Setting("also take force gains beyond the gain limits and their conditions; or "
-                      "without limits, where they are required", formerly="uncertified_gains")
-    ] = False
 
 
 class LinearizationSettings(NamedTuple):

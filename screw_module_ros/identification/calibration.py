@@ -15,7 +15,8 @@ import numpy as np
 import yaml
 
 from ..calibration import gain_limits
-from ..calibration.gain_limits import LOADS, Loop, conditions_of, text_checksum
+from ..calibration.gain_limits import LOADS, Loop, conditions_of
+from ..calibration.limits_file import text_checksum
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
 from ..calibration.version import fits, law_version
 from ..control.law import Law
@@ -114,8 +115,8 @@ def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
     }
     content["laws"] = _laws(lab)
-    text = _yaml(content)
-    text += _yaml({"sha256": text_checksum(text)})
+    text = as_yaml(content)
+    text += as_yaml({"sha256": text_checksum(text)})
     replace(lab.folder / GAIN_LIMITS, text)
 
 
@@ -261,5 +262,6 @@ def _rounded(value: float) -> float | None:
     return round(value, 2) if math.isfinite(value) else None
 
 
-def _yaml(content: dict[str, Any]) -> str:
+def as_yaml(content: dict[str, Any]) -> str:
+    """Return a text of YAML, in the order of the keys."""
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

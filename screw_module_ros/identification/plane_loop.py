@@ -26,6 +26,7 @@ from ..filters import (
     velocity_settled,
     velocity_step,
 )
+from ..geometry import jacobian
 from ..plant.muscles import RESTED, Muscles, muscles_step
 from ..plant.patient import ArmForce, HandPath, HumanArm, hand_point, held_up, resting
 from ..plant.planar import (
@@ -39,10 +40,12 @@ from ..plant.planar import (
 )
 from ..plant.sensor import normal_pair, seeded
 from ..plant.settings import WorldSettings
-from .trials import OnProgress, PlanarTrial, Samples
+from .trials import SWEPT, OnProgress, PlanarTrial, Samples
 
 FORCE_COUNTS = 144.0  # counts of the transducer (3.1.9) [1/N]
-COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the force gain
+# x, y, vx, vy of the handle; force of the patient x, y; share of the force gain; force that the
+# motors add; force that the law sees x, y
+COLUMNS = 10
 _SETTLE_S = 1.5
 law_step = enveloped(PLANE_IMPEDANCE)
 
@@ -52,7 +55,8 @@ class PlaneParams(NamedTuple):
     velocities; period [s]; radian: of a count; noise: of a force sample [N]; steps: substeps in a
     period; late: those before a torque acts; felt_at: that at which a force sample is taken; arm:
     behind a soft grip, which `plant.arm` then is; patient: his muscles; attached, soft: a hand
-    holds the handle, with a soft grip."""
+    holds the handle, with a soft grip; sweep: amplitude of the force that the motors add [N], over
+    so many ticks."""
 
     plant: PlanarParams
     law: PlanarSettings
@@ -71,6 +75,9 @@ class PlaneParams(NamedTuple):
     patient: HumanArm
     attached: bool
     soft: bool
+    sweep_x: float
+    sweep_y: float
+    ticks: float
 
 
 class Palm(NamedTuple):
@@ -137,6 +144,13 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
     row[0], row[1] = handle_place(p.plant.robot, s.arm)
     row[2], row[3] = s.arm.handle_vx, s.arm.handle_vy
     row[4], row[5], row[6] = s.arm.force_x, s.arm.force_y, output.share
+    turned = SWEPT[0] * s.ticks + 0.5 * (SWEPT[1] - SWEPT[0]) * s.ticks * s.ticks / p.ticks
+    row[7] = math.sin(2.0 * math.pi * turned)
+    row[8], row[9] = forces[0, 0], forces[0, 1]
+    j11, j12, j21, j22 = jacobian(shoulder, elbow, p.law.arm)
+    push_x, push_y = p.sweep_x * row[7], p.sweep_y * row[7]
+    asked_1 = output.shoulder_torque + j11 * push_x + j21 * push_y
+    asked_2 = output.elbow_torque + j12 * push_x + j22 * push_y
     arm, palm, felt = s.arm, s.palm, s.felt
     time = s.ticks * p.period
     hand_x, speed_x = hand_point(p.path_x, time)
@@ -145,8 +159,8 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         if step == p.felt_at:
             felt = sampled(p, felt, arm)
         now = step >= p.late
-        torque_1 = output.shoulder_torque if now else s.shoulder_torque
-        torque_2 = output.elbow_torque if now else s.elbow_torque
+        torque_1 = asked_1 if now else s.shoulder_torque
+        torque_2 = asked_2 if now else s.elbow_torque
         if p.soft:
             inputs = ManusInput(
                 torque_1, torque_2, True, True, False, False, p.attached, palm.x, palm.y, palm.vx,
@@ -165,8 +179,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         p.patient, 1.0, s.muscles, arm.force_x, arm.force_y, 0.0, arm.handle_vy, p.period
     )
     return PlaneState(
-        s.ticks + 1, arm, s.law, first, second, output.shoulder_torque,
-        output.elbow_torque, palm, muscles, felt, forces,
+        s.ticks + 1, arm, s.law, first, second, asked_1, asked_2, palm, muscles, felt, forces,
     )  # fmt: skip
 
 
@@ -224,7 +237,9 @@ def plane_samples(
     to_start = HandPath(0.0, trial.path.start, 0.0, 0.5 * _SETTLE_S, 0.0, 0.0, 0.0)
     _, state = _ticks(_along(params, trial, to_start), state, _SETTLE_S)
     held = min(trial.duration, trial.released_after)
-    params = _along(params, trial, trial.path)
+    params = _along(params, trial, trial.path)._replace(
+        sweep_x=trial.sweep * math.cos(trial.pushed), sweep_y=trial.sweep * math.sin(trial.pushed)
+    )
     rows, state = _ticks(params, state._replace(ticks=0), held)
     if held < trial.duration:
         loose, _ = _ticks(params._replace(attached=False), state, trial.duration - held)
@@ -233,8 +248,9 @@ def plane_samples(
     place, speed, force, share = rows[:, :2] - (x, y), rows[:, 2:4], rows[:, 4:6], rows[:, 6]
     nothing = np.zeros_like(place)
     return Samples(
-        time, place, speed, force, nothing, nothing, nothing, place, speed, force, share
-    )
+        time, place, speed, rows[:, 8:], nothing, trial.sweep * rows[:, 7], nothing, place, speed,
+        force, share,
+    )  # fmt: skip
 
 
 def _ticks(
@@ -266,6 +282,9 @@ def _params(world: WorldSettings, trial: PlanarTrial) -> PlaneParams:
         patient=world.arm._replace(tone=trial.tone, fatigue=0.0),
         attached=True,
         soft=soft,
+        sweep_x=0.0,
+        sweep_y=0.0,
+        ticks=trial.duration * loop.rate,
     )
 
 

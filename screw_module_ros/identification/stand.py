@@ -50,6 +50,7 @@ from .trials import (
     NotPossible,
     OnProgress,
     PlanarTrial,
+    PlaneLoop,
     Samples,
     StageTrial,
     TorqueTrial,
@@ -108,9 +109,10 @@ class SimulatedStand:
     substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
     laws: of others, as `control.laws.load` takes them; their modes are for MotionTrials, with the
     laws' default settings. screw: for which encoder and amplifier are set, which may be another
-    one than the module has.
+    one than the module has. plane: the loop of its plane, for experiments that choose none.
     """
 
+    plane = PlaneLoop()
     offers = frozenset({*WAYS_OUT, TRUTH})
     serial = ""
     law_settings: Mapping[str, Any] = MappingProxyType({})

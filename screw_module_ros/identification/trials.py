@@ -225,6 +225,10 @@ class PlaneLoop(NamedTuple):
     cutoff: float = 30.0
 
 
+SWEPT = 0.008, 0.48
+"""Ends of a sweep of the plane, as shares of the rate."""
+
+
 class PlanarTrial(NamedTuple):
     """The hand moves the handle in the plane while the planar law runs; in process only.
 
@@ -232,8 +236,11 @@ class PlanarTrial(NamedTuple):
     the virtual hand in this direction; centre: x, y where the set point stays and the path has its
     zero [m]; duration: of the samples, after 1.5 s at the path's start; first: from when their
     error counts; released_after: time at which the hand lets go [s]; grip: of the hand; loop: of
-    the plane; structure_stiffness: between joints and module [N/m], 0 = the rig's own. Its samples
-    have two columns, x and y from the centre, in place of position, velocity and force.
+    the plane; structure_stiffness: between joints and module [N/m], 0 = the rig's own; tone: of the
+    patient's flexors [Ns/m]; sweep: amplitude of a force that the motors add at the handle, from
+    SWEPT[0] to SWEPT[1] of the rate in the trial, along `pushed` [N], [rad]. Its samples have two
+    columns, x and y from the centre, in place of position, velocity and force, which is as the law
+    sees it; command: that force [N].
     """
 
     settings: PlanarSettings
@@ -248,6 +255,8 @@ class PlanarTrial(NamedTuple):
     loop: PlaneLoop = PlaneLoop()
     structure_stiffness: float = 0.0
     tone: float = 0.0
+    sweep: float = 0.0
+    pushed: float = 0.0
 
 
 Trial = (

@@ -21,9 +21,9 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
 from screw_module_ros.calibration.gain_limits import GainLimits
+from screw_module_ros.calibration.limits_file import GainLimitsSettings
 from screw_module_ros.calibration.selection import (
     CalibrationSettings,
-    GainLimitsSettings,
     chosen_friction,
     chosen_gain_limits,
 )

@@ -14,6 +14,12 @@ from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
+from screw_module_ros.calibration.limits_file import GainLimitsSettings
+from screw_module_ros.calibration.plane_limits import (
+    WITHOUT,
+    PlaneGainLimits,
+    load_plane_limits,
+)
 from screw_module_ros.calibration.plane_version import arm_version, plane_law_version
 from screw_module_ros.control import arms
 from screw_module_ros.control.gain_guard import guarded
@@ -62,6 +68,9 @@ class SharedSettings(NamedTuple):
 class ManusSettings(NamedTuple):
     """Settings of the node beside those of drives and law."""
 
+    module_serial: Annotated[
+        str, Setting("serial of this robot: gain limits of another one are refused")
+    ] = ""
     state_every: Annotated[int, Setting(f"ticks per {graph.MANUS_STATE} message", "", 1, 100)] = 4
     law: Annotated[
         str, Setting(f"law of the plane: {PLANE_IMPEDANCE.name}, package.module:NAME, or an entry "
@@ -79,7 +88,7 @@ class ManusNode(DriveNode):
     def __init__(self) -> None:
         super().__init__("manus", rate=JOINTS["shoulder"].rate)
         self.parameters.declare(
-            ManusSettings, PlaneLimits, SharedSettings, joints=JointSettings,
+            ManusSettings, PlaneLimits, SharedSettings, GainLimitsSettings, joints=JointSettings,
             freeze=FreezeSettings, slot=SlotLimits,
         )  # fmt: skip
         chosen = self.parameters.read(ManusSettings)
@@ -94,6 +103,7 @@ class ManusNode(DriveNode):
         self.state.law = f"{self._law.name} {plane_law_version(self._law)}"
         self.state.arm = f"{self._arm.name} {arm_version(self._arm)}"
         self._latency_p99 = 0.0
+        self._limits: PlaneGainLimits | None = None
         self._warm: PlaneDrives | None = None  # of the last configuration: no motor cools by one
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         impedance = partial(set_impedance, self.parameters, PlanarSettings)
@@ -116,7 +126,10 @@ class ManusNode(DriveNode):
         law = self._law_settings().validated()
         place = self.parameters.read(JointSettings, "joints")
         self._check_arm(law, place)
-        if refused := self.refusal({}):
+        limited = self.parameters.read(GainLimitsSettings).gain_limits_file
+        serial = self.parameters.read(ManusSettings).module_serial
+        self._limits = load_plane_limits(limited, serial) if limited else None
+        if refused := self.refusal({}) or (self._own() is None and self._beyond_limits()):
             raise SettingError(refused)
         profile = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
@@ -184,9 +197,23 @@ class ManusNode(DriveNode):
         return self.parameters.read(self._law.settings, self._law.name, changes)
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
-        """Return why a law of others cannot run with its settings."""
+        """Return why the law cannot run with its settings, or goes beyond the gain limits.
+
+        Before it is configured it goes beyond none: `connect` loads them.
+        """
         own = self._own(changes)
-        return "" if own is None else refusal(self._law, own)
+        if own is not None:
+            return refusal(self._law, own)
+        return self._beyond_limits(changes) if self.configured else ""
+
+    def _beyond_limits(self, changes: Mapping[str, Any] = _NO_CHANGES) -> str:
+        law, limits = self.parameters.read(PlanarSettings, changes=changes), self._limits
+        asked = self.parameters.read(GainLimitsSettings, changes=changes)
+        if asked.beyond_gain_limits or law.force_gain == 0.0:
+            return ""
+        if limits:
+            return limits.refusal(law, self.parameters.read(RateSettings).rate)
+        return WITHOUT.format(gain=law.force_gain) if asked.gain_limits_required else ""
 
     def _drive_settings(self, joint: str, largest: float) -> DriveSettings:
         """Return the settings of a drive.

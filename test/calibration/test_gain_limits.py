@@ -13,9 +13,9 @@ from screw_module_ros.calibration.gain_limits import (
     Loop,
     conditions_of,
     load_gain_limits,
-    text_checksum,
 )
-from screw_module_ros.calibration.selection import GainLimitsSettings, chosen_gain_limits
+from screw_module_ros.calibration.limits_file import GainLimitsSettings, text_checksum
+from screw_module_ros.calibration.selection import chosen_gain_limits
 from screw_module_ros.calibration.version import known_laws, law_version
 from screw_module_ros.control import modes
 from screw_module_ros.control.law import LINEAR, Law, Margin, Variant

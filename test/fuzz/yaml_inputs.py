@@ -17,8 +17,8 @@ from screw_module_ros.calibration.gain_limits import (
     Loop,
     conditions_of,
     load_gain_limits,
-    text_checksum,
 )
+from screw_module_ros.calibration.limits_file import text_checksum
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,

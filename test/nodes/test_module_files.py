@@ -17,7 +17,8 @@ from screw_module_msgs.msg import AmplifierState
 from screw_module_msgs.srv import SetControlMode, StartRecording
 from services import asked
 
-from screw_module_ros.calibration.gain_limits import Loop, conditions_of, text_checksum
+from screw_module_ros.calibration.gain_limits import Loop, conditions_of
+from screw_module_ros.calibration.limits_file import text_checksum
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
     SensorBias,
