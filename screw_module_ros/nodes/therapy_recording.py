@@ -19,13 +19,12 @@ from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.recording.pseudonym import PATTERN
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.session import UNDER_WAY, Session
 
 from .support.inbox import Inbox
 from .support.topics import is_served, requested
 
 RECORDER = "session_recorder"
-BEGUN, REFUSED, LOST = "begun", "refused", "lost"
-"""What `follow` returns."""
 _FOUND_NS = 5_000_000_000  # time for which a recorder that was just started may stay undiscovered
 _ANSWER_NS = 10_000_000_000  # time in which a recorder that was found must answer
 _HEARS_NS = 1_000_000_000  # time from the recorder's answer until its subscriptions hear everybody
@@ -126,7 +125,7 @@ class SessionRecording:
         if self._state in (_ASKED, _ON):
             self._stop()
 
-    def listen(self, now_ns: int) -> None:
+    def _listen(self, now_ns: int) -> None:
         """Hear what the recorder reports, also between sessions."""
         status = self._take()
         if status is not None:
@@ -136,31 +135,34 @@ class SessionRecording:
             self._end = "" if records else f"the recording has ended: {status.message}"
             self._heard_ns = now_ns
 
-    def follow(self, in_session: bool, now_ns: int) -> str:
-        """Look at the recorder; return what has happened, empty for nothing.
+    def follow(self, session: Session | None, now_ns: int) -> None:
+        """Look at the recorder; begin the session once it hears us.
 
-        in_session: the session runs or is paused; a second after its end the recording ends.
+        A session that it refuses ends. One that it loses pauses, and does not go on unrecorded
+        without being told to. A second after a session's end its recording ends.
         """
-        self.listen(now_ns)
-        if self._state == _ASKED:
-            return self._begun(now_ns)
-        return self._watched(in_session, now_ns) if self._state == _ON else ""
+        self._listen(now_ns)
+        if session is not None and self._state == _ASKED:
+            self._begin(session, now_ns)
+        elif session is not None and self._state == _ON:
+            self._watch(session, now_ns)
 
-    def _begun(self, now_ns: int) -> str:
+    def _begin(self, session: Session, now_ns: int) -> None:
         self._send(now_ns)
+        since_ns = -1 if self._started_ns is None else now_ns - self._started_ns
         if self._refusal:
             self.message = self._refusal
             self._node.get_logger().warning(self.message)
             self._to(_OFF)
-            return REFUSED
-        since_ns = -1 if self._started_ns is None else now_ns - self._started_ns
-        if since_ns < _HEARS_NS:
-            return ""
-        if missing := self._not_taken():
-            return "" if since_ns < _LATEST_NS else self._useless(missing)
-        self._to(_ON)
-        self._heard_ns, self._end = now_ns, ""  # earlier reports do not count
-        return BEGUN
+            session.abort(self.message)
+        elif since_ns >= _HEARS_NS and not (missing := self._not_taken()):
+            self._to(_ON)
+            self._heard_ns, self._end = now_ns, ""  # earlier reports do not count
+            session.begin()
+        elif since_ns >= _LATEST_NS:
+            self.message = f"not recorded: the session_recorder does not subscribe to {missing}"
+            self._stop()
+            session.abort(self.message)
 
     def _send(self, now_ns: int) -> None:
         """Send the request as soon as there is a recorder; give up one that is mute."""
@@ -201,29 +203,22 @@ class SessionRecording:
             and self._node.resolve_topic_name(name) not in self._values
         )  # fmt: skip
 
-    def _useless(self, missing: str) -> str:
-        self.message = f"not recorded: the session_recorder does not subscribe to {missing}"
-        self._stop()
-        return REFUSED
-
-    def _watched(self, in_session: bool, now_ns: int) -> str:
-        """Return LOST once the recorder has ended the recording or is silent."""
+    def _watch(self, session: Session, now_ns: int) -> None:
+        timeout = self._settings.timeout
         if self._end:
             self.message = self._end
             self._to(_OFF)
-            return LOST
-        timeout = self._settings.timeout
-        if now_ns - self._heard_ns > timeout * 1e9:
+            session.pause(self.message)
+        elif now_ns - self._heard_ns > timeout * 1e9:
             self.message = f"the session recorder has been silent for {timeout:g} s"
             self._stop()  # it may go on later, when nobody counts on it
-            return LOST
-        if in_session:
+            session.pause(self.message)
+        elif session.state in UNDER_WAY:
             self._ended_ns = None
         elif self._ended_ns is None:
             self._ended_ns = now_ns
         elif now_ns - self._ended_ns >= _HEARS_NS:
             self._stop()
-        return ""
 
     def _stop(self) -> None:
         """Ask for the bag to be closed; the log has the outcome."""

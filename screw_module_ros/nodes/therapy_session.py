@@ -53,7 +53,7 @@ from .support.place import below, root_folder, state_folder
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, result_message
-from .therapy_recording import BEGUN, LOST, REFUSED, RecorderSettings, SessionRecording
+from .therapy_recording import RecorderSettings, SessionRecording
 from .wish_relay import WishRelay
 
 _LISTENS_NS = 50_000_000
@@ -211,7 +211,7 @@ class TherapySessionNode(Node):
             self._take_sample(message, now_ns)
         self._watch(now_ns)
         self.course.arm.follow(now_ns)
-        self._follow_recorder(now_ns)
+        self._recording.follow(self.course.session, now_ns)
         self._relay_wishes(now_ns)
         self._send(now_ns)
 
@@ -261,20 +261,6 @@ class TherapySessionNode(Node):
         if reason and session is not None:
             session.pause(reason)
 
-    def _follow_recorder(self, now_ns: int) -> None:
-        """Begin once the recording hears us, and do not go on unrecorded without being told to."""
-        session = self.course.session
-        if session is None:
-            self._recording.listen(now_ns)
-            return
-        news = self._recording.follow(self.course.is_under_way, now_ns)
-        if news == REFUSED:
-            session.abort(self._recording.message)
-        elif news == LOST:
-            session.pause(self._recording.message)
-        elif news == BEGUN:
-            session.begin()
-
     def _publish(self, session: Session, outcome: Outcome) -> None:
         name, (result, change) = session.protocol.name, outcome
         if result is None:
@@ -303,7 +289,7 @@ class TherapySessionNode(Node):
             fill_slot(course.slot, *news[1:])
             self._tell(self._publish_slot, course.slot)
         if news[1] != last[1] and course.sample and not course.is_under_way:
-            self._wishes.rest_at(course.sample.position)  # else the spring pulls between slots
+            self._wishes.ask_for(course.sample.position)  # else the spring pulls between slots
         state.arm, (state.arm_weight, state.arm_spread, _) = course.arm.told, course.arm.weight
         state.support = course.arm.force
         if session is None:

@@ -43,12 +43,8 @@ class WishRelay:
         of the session would pull back there.
         """
         self._gate.limits = limits
-        self._ask_for(hand or _NOWHERE)
+        self.ask_for(hand or _NOWHERE)
         self._ends_ns = now_ns + SILENT_NS
-
-    def rest_at(self, hand: Point) -> None:
-        """Move the set point to the hand [m]."""
-        self._ask_for(hand)
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
         """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
@@ -59,16 +55,17 @@ class WishRelay:
         message = self._take()
         if allowed and message is not None:
             wish = (message.position.x, message.position.y, message.position.z)
-            self._ask_for(self._gate.passed(wish, hand or _NOWHERE, now_ns))
+            self.ask_for(self._gate.passed(wish, hand or _NOWHERE, now_ns))
         elif hand is not None:
             let_go = self._gate.released(hand, now_ns) if allowed else self._gate.cut_off(hand)
             if let_go is not None:
-                self._ask_for(let_go)
+                self.ask_for(let_go)
             elif self._ends_ns is not None and now_ns >= self._ends_ns:
                 self._ends_ns = None
-                self._ask_for(_NOWHERE)
+                self.ask_for(_NOWHERE)
 
-    def _ask_for(self, point: Point) -> None:
+    def ask_for(self, point: Point) -> None:
+        """Move the set point [m]; NaN leaves an axis alone."""
         position = self._message.position
         position.x, position.y, position.z = point
         self._node.stamp(self._message.header)

@@ -31,13 +31,7 @@ from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes import therapy_recording, therapy_session
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.support.law_inputs import slot_of
-from screw_module_ros.nodes.therapy_recording import (
-    BEGUN,
-    LOST,
-    REFUSED,
-    RecorderSettings,
-    SessionRecording,
-)
+from screw_module_ros.nodes.therapy_recording import RecorderSettings, SessionRecording
 from screw_module_ros.nodes.therapy_session import Course
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.arm import Arm
@@ -110,9 +104,22 @@ def recording(recorder, monkeypatch):
     return made
 
 
+BEGUN, REFUSED, LOST = "begun", "refused", "lost"
+
+
 def follow(recording, second, in_session=True):
+    """Return what the recording does to a session, nothing if it leaves it alone."""
     recording.clock.time_ns = round(second * S)
-    return recording.follow(in_session, recording.clock.time_ns)
+    done = []
+    session = SimpleNamespace(
+        state=State.RUNNING if in_session else State.FINISHED,
+        begin=lambda: done.append((BEGUN, recording.message)),
+        abort=lambda reason: done.append((REFUSED, reason)),
+        pause=lambda reason: done.append((LOST, reason)),
+    )
+    recording.follow(session, recording.clock.time_ns)
+    assert all(reason == recording.message for _, reason in done)
+    return "".join(what for what, _ in done)
 
 
 def begun(recording, recorder, at=1):
@@ -255,11 +262,11 @@ def test_a_recording_that_begins_after_the_end_is_ended(recording, recorder):
 ])  # fmt: skip
 def test_a_recording_that_a_killed_node_left_is_noticed(recording, recorder, bag, owner):
     recorder.report(True, bag)
-    recording.listen(S)
+    recording.follow(None, S)
     assert recording.of_another("P-33333", 2 * S) == owner
     assert recording.of_another("P-33333", 9 * S) == "", "the recorder has gone as well"
     recorder.report(False, bag)
-    recording.listen(2 * S)
+    recording.follow(None, 2 * S)
     assert recording.of_another("P-33333", 2 * S) == ""
 
 
