@@ -160,9 +160,10 @@ class Arm:
         Its weight still rests on the support, which goes once the arm lies: an arm whose support
         fades in the air falls.
         """
-        low = min(height, rest_height)
-        slot = _DOWN._replace(start_x=height, target_x=low)
-        self.lowering = SlotWish(vertical=slot, start_ns=now_ns)
+        self.lowering = SlotWish(
+            vertical=_DOWN._replace(start_x=height, target_x=min(height, rest_height)),
+            start_ns=now_ns,
+        )
 
     def hangs(self, sample: HandSample) -> bool:
         """Return whether an arm may hang where it is: what presses on it beside the support."""

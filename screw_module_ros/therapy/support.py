@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from statistics import fmean as mean
 from typing import Annotated, NamedTuple
 
+from ..control import support as control
 from ..control.limits import clamp, slew
 from ..settings import Setting
 
-SUPPORT_RANGE = -20.0, 25.0  # [N] ours: what the controller gives
+_GIVEN = control.SupportSettings()
+SUPPORT_RANGE = -_GIVEN.down, _GIVEN.up  # [N] what the controller gives
 BEYOND_WEIGHT = 2.0  # [N] ours: more would lift an arm that asks for nothing
 UNWEIGHED = 15.0  # [N] ours: an outstretched arm of 3.45 kg and 0.65 m presses so at the hand
 NO_FEEDBACK = "weight support needs the handle's force fed back: choose mode 3 to 5"
