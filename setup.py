@@ -55,6 +55,7 @@ setup(
         "simulation": SIMULATION,
         "experiments": EXPERIMENTS,
         "cluster": ["distributed"],  # study --scheduler
+        "mujoco": ["mujoco"],  # runs what robot_description --mujoco prints; Python 3.11 or newer
         "test": [
             "durand", "hypothesis", "ipykernel", "mcap-ros2-support", "nbclient", "nbformat",
             "pytest", "pytest-timeout",

@@ -214,6 +214,20 @@ def test_joint_states_has_each_joint_of_the_urdf_with_what_it_mimics():
     assert all_joints({}, Screw()) == {}
 
 
+def test_for_mujoco_it_has_the_parts_of_the_urdf_and_the_plant_s_masses():
+    """What its motion is: test/plant/test_mujoco_model.py, where MuJoCo is installed."""
+    text = robot_description(shape=robot_description_module.SHAPE_MUJOCO)
+    bodies = {body.get("name"): body for body in ElementTree.fromstring(text).iter("body")}
+    urdf = Model(robot_description())
+    assert bodies.keys() == urdf.links.keys() - {"manus_base", "handle_turn", "handle"}
+    for name, body in bodies.items():
+        if name == "grip":
+            continue  # its mass is the carriage's
+        mass = urdf.links[name].find("inertial/mass").get("value")
+        assert float(body.find("inertial").get("mass")) == float(mass)
+        assert len(body.findall("geom")) == len(urdf.links[name].findall("visual"))
+
+
 def test_two_robots_share_a_tf_by_a_prefix_of_their_links():
     plain, left = Model(robot_description()), Model(robot_description(prefix="left_"))
     assert left.links.keys() == {f"left_{name}" for name in plain.links}

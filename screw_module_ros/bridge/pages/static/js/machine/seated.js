@@ -6,8 +6,9 @@ import { plus } from "./kinematics.js";
 
 const SKIN = [0.91, 0.74, 0.62], SHIRT = [0.36, 0.55, 0.50], TROUSERS = [0.30, 0.34, 0.45];
 const HAIR = [0.35, 0.27, 0.22], SHOE = [0.2, 0.2, 0.22], WOOD = [0.86, 0.80, 0.70], CHAIR = [0.45, 0.47, 0.50];
-const FLOOR = -0.86, TABLE = -0.14, SEAT = -0.42;
-const SHOULDER = [0.19, -0.56, 0.15], UPPER = 0.30, LOWER = 0.34; // lower: elbow to the hand
+const FLOOR = -0.86, TABLE = -0.14, SEAT = -0.37;
+const ASIDE = -0.11; // he sits so that his forearm lies along the cradle
+const SHOULDER = [ASIDE + 0.19, -0.57, 0.20], UPPER = 0.30, LOWER = 0.34; // lower: elbow to the hand
 const STILL = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 
 const CUT = 0.2; // coarse: nothing is close to them
@@ -31,13 +32,13 @@ function limb(from, to, radius, rgb) {
   ];
 }
 
-// The elbow of an arm from the shoulder to a hand: it hangs, and points outward a little.
+// The elbow of an arm from the shoulder to a hand: half down, half outward.
 function elbowTo(hand) {
   const way = hand.map((value, i) => value - SHOULDER[i]);
   const far = Math.min(Math.hypot(...way), UPPER + LOWER - 1e-3);
   const along = way.map((value) => value / Math.hypot(...way));
   const share = (UPPER * UPPER - LOWER * LOWER + far * far) / (2 * far);
-  const down = [0.55, -0.1, -0.83];
+  const down = [0.6, 0, -0.8];
   const part = down.reduce((sum, value, i) => sum + value * along[i], 0);
   const aside = down.map((value, i) => value - part * along[i]);
   const high = Math.sqrt(Math.max(0, UPPER * UPPER - share * share)) / Math.hypot(...aside);
@@ -57,23 +58,24 @@ export function table() {
 export function patient(x, y, z) {
   const hand = [x, y - 0.02, z + 0.075];
   const elbow = elbowTo(hand);
-  const left = [-0.19, -0.56, 0.15], rest = [-0.27, -0.50, -0.13], lap = [-0.14, -0.26, -0.09];
+  const from = (x, y, z) => [ASIDE + x, y, z];
+  const left = from(-0.19, -0.57, 0.20), rest = from(-0.27, -0.50, -0.09), lap = from(-0.14, -0.26, -0.09);
   const parts = [
-    box(0.44, 0.42, 0.05, [0, -0.66, SEAT - 0.025], CHAIR),
-    box(0.42, 0.04, 0.50, [0, -0.85, SEAT + 0.36], CHAIR),
-    box(0.06, 0.06, SEAT - 0.05 - FLOOR, [0, -0.66, (SEAT - 0.05 + FLOOR) / 2], CHAIR),
-    box(0.46, 0.46, 0.03, [0, -0.66, FLOOR + 0.015], CHAIR),
-    ...limb([0, -0.68, SEAT + 0.12], [0, -0.62, 0.02], 0.125, SHIRT),
-    ...limb([-0.13, -0.59, 0.12], [0.13, -0.59, 0.12], 0.072, SHIRT),
-    ...limb([0, -0.59, 0.15], [0, -0.585, 0.26], 0.05, SKIN),
-    ball(0.098, [0, -0.565, 0.335], SKIN), ball(0.098, [0, -0.592, 0.362], HAIR),
+    box(0.44, 0.42, 0.05, from(0, -0.66, SEAT - 0.025), CHAIR),
+    box(0.42, 0.04, 0.50, from(0, -0.85, SEAT + 0.36), CHAIR),
+    box(0.06, 0.06, SEAT - 0.05 - FLOOR, from(0, -0.66, (SEAT - 0.05 + FLOOR) / 2), CHAIR),
+    box(0.46, 0.46, 0.03, from(0, -0.66, FLOOR + 0.015), CHAIR),
+    ...limb(from(0, -0.68, SEAT + 0.12), from(0, -0.63, 0.07), 0.125, SHIRT),
+    ...limb(from(-0.13, -0.6, 0.17), from(0.13, -0.6, 0.17), 0.072, SHIRT),
+    ...limb(from(0, -0.6, 0.20), from(0, -0.595, 0.31), 0.05, SKIN),
+    ball(0.098, from(0, -0.575, 0.385), SKIN), ball(0.098, from(0, -0.602, 0.412), HAIR),
     ...limb(SHOULDER, elbow, 0.048, SHIRT), ...limb(elbow, hand, 0.036, SKIN), ball(0.045, hand, SKIN),
     ...limb(left, rest, 0.048, SHIRT), ...limb(rest, lap, 0.036, SKIN), ball(0.045, lap, SKIN),
   ];
   for (const side of [-0.1, 0.1]) {
-    const knee = [1.2 * side, -0.22, SEAT + 0.06], foot = [1.2 * side, -0.20, FLOOR + 0.09];
-    parts.push(...limb([side, -0.64, SEAT + 0.08], knee, 0.07, TROUSERS), ...limb(knee, foot, 0.052, TROUSERS));
-    parts.push(box(0.09, 0.25, 0.07, [1.2 * side, -0.14, FLOOR + 0.035], SHOE));
+    const knee = from(1.2 * side, -0.22, SEAT + 0.06), foot = from(1.2 * side, -0.20, FLOOR + 0.09);
+    parts.push(...limb(from(side, -0.64, SEAT + 0.08), knee, 0.07, TROUSERS), ...limb(knee, foot, 0.052, TROUSERS));
+    parts.push(box(0.09, 0.25, 0.07, from(1.2 * side, -0.14, FLOOR + 0.035), SHOE));
   }
   return parts;
 }
