@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
+STATE_VARIABLE = "XDG_STATE_HOME"
 
 
 def owner_only(path: str, flags: int) -> int:
@@ -35,3 +36,9 @@ def replace(path: Path, text: str, private: bool = False) -> None:
         os.fsync(folder)  # otherwise a power failure may restore the old file
     finally:
         os.close(folder)
+
+
+def state_folder() -> Path:
+    """Return our folder of $XDG_STATE_HOME, else of ~/.local/state: each user has their own."""
+    above = os.environ.get(STATE_VARIABLE) or Path.home() / ".local" / "state"
+    return Path(above) / "screw_module_ros"

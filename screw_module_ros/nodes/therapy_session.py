@@ -25,6 +25,7 @@ from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
+from screw_module_ros.files import state_folder
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.arm import WEIGHED, Arm
@@ -49,7 +50,7 @@ from screw_module_ros.therapy.wishes import WishLimits
 from .support import topics
 from .support.answering import Done
 from .support.node import Node
-from .support.place import below, root_folder, state_folder
+from .support.place import below, root_folder
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, result_message

@@ -22,13 +22,14 @@ from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
+from screw_module_ros.files import state_folder
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.measures import MEASURES
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
 from .support.node import Node
-from .support.place import root_folder, state_folder
+from .support.place import root_folder
 from .support.states import OK, Health
 
 _POLL_S = 0.05

@@ -54,6 +54,17 @@ def keep(file: Path, patient: str, side: str, weight: ArmWeight) -> None:
     """Keep a weight in place of an earlier one. Raises WeightsError; then the file is as it was."""
     patients = _read(file)
     patients[patient] = patients.get(patient, Arms())._replace(**{side: weight})
+    _write(file, patients)
+
+
+def forget(file: Path, patient: str) -> None:
+    """Leave out a patient. Raises WeightsError; then the file is as it was."""
+    patients = _read(file)
+    if patients.pop(patient, None) is not None:
+        _write(file, patients)
+
+
+def _write(file: Path, patients: dict[str, Arms]) -> None:
     rows = {
         who: {of: arm._asdict() for of, arm in arms._asdict().items() if arm is not None}
         for who, arms in patients.items()
@@ -62,7 +73,7 @@ def keep(file: Path, patient: str, side: str, weight: ArmWeight) -> None:
         file.parent.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
         replace(file, json.dumps({"patients": rows}, indent=1, sort_keys=True), private=True)
     except OSError as error:
-        raise WeightsError(f"{file}: the arm's weight is not kept: {error.strerror}") from None
+        raise WeightsError(f"{file}: the arms' weights are not kept: {error.strerror}") from None
 
 
 def _read(file: Path) -> dict[str, Arms]:

@@ -18,6 +18,7 @@ from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
 from ..settings import SettingError
 from .export import csv_text, masked, write_tables
+from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
 from .progress import as_text, progress_of
 from .record import ACCESS, Record, alone, local, sources, sum_of
 from .recorded import Recorded, read_sessions
@@ -55,11 +56,18 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
                 ("--rename", "give each patient a new pseudonym, which nothing keeps"),
             ):
                 command.add_argument(option, action="store_true", help=text)
+    _add_of_record(commands)
+
+
+def _add_of_record(commands: argparse._SubParsersAction) -> None:
     for name, run, text in (
         ("index", _index, "bring the record up to date with the bags and scores of its folder"),
         ("due", _due, "patients whose last session is older than a time"),
         ("access", _access, "who has read or written what of the record, in the last year"),
         ("progress", _progress, "a patient's sessions side by side, as text or as a page"),
+        ("forget", _forget, "delete a patient's bags, scores, reports, exports and rows"),
+        ("backup", _backup, "write bags and scores, of all or of one patient, into one file"),
+        ("restore", _restore, "put a backup into the record, beside what is there"),
         ("score", _score, f"keep a score of a patient: {', '.join(SCALES)}"),
     ):
         command = commands.add_parser(name, help=text, description=text)
@@ -70,12 +78,17 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
             command.add_argument("value", type=float, help="number on that scale")
             text = "when, like 2026-03-03T13:05:00+01:00, by default now"
             command.add_argument("--at", default="", help=text)
+        if run in (_backup, _restore):
+            command.add_argument("file", type=Path, help="the backup")
+        if run is _backup:
+            text = "the one patient who is wanted, to move to another computer"
+            command.add_argument("--patient", type=_pseudonym, default="", help=text)
         if run is _progress:
             text = "write the page into this folder, in a folder of the patient"
             command.add_argument("--out", type=Path, help=text, metavar="FOLDER")
         what = "that holds the bags, by default ~/sessions"
         place = {"metavar": "FOLDER", "type": Path, "default": _FOLDER, "help": what}
-        if run in _OF_PATIENT:
+        if run not in (_index, _due, _access):
             command.add_argument("--folder", **place)
         else:
             command.add_argument("folder", nargs="?", **place)
@@ -206,7 +219,46 @@ def _score(options: argparse.Namespace) -> int:
     return 0
 
 
-_OF_PATIENT = (_progress, _score)
+def _forget(options: argparse.Namespace) -> int:
+    folder, patient = options.folder.expanduser(), options.patient
+    with _opened(folder) as record:
+        record.update()
+        own, shared = of_patient(record, folder, patient)
+        rows = len(record.sessions(patient))
+        print(f"To be deleted of {patient}: {rows} sessions and scores of the record, the weights "
+              f"of the arms in {weights_file()}, and", *own, sep="\n  ")  # fmt: skip
+        print("Write the pseudonym again to delete it:", end=" ", flush=True)
+        if sys.stdin.readline().strip() != patient:
+            print("nothing was deleted")
+            return 1
+        forget(record, folder, patient)
+        record.note("forget")
+        beyond = [*(f"{path}, which holds others too" for path in shared), *BEYOND_REACH]
+        print("Deleted. Not reached are", *beyond, sep="\n  ")
+    return 0
+
+
+def _backup(options: argparse.Namespace) -> int:
+    with _opened(options.folder) as record:
+        record.update()
+        _tell(record.notes)
+        record.note("backup", options.patient)
+        folder, file = options.folder.expanduser(), options.file
+        print(f"{file}: {back_up(record, folder, file, options.patient)} bags and files of scores")
+    return 0
+
+
+def _restore(options: argparse.Namespace) -> int:
+    with _opened(options.folder) as record:
+        came = restore(record, options.folder.expanduser(), options.file)
+        record.note("restore")
+        record.update()
+        _tell(record.notes)
+        print(f"{came} bags came")
+    return 0
+
+
+_OF_PATIENT = (_progress, _score, _forget)
 
 
 @contextmanager

@@ -7,7 +7,6 @@ import io
 import math
 from pathlib import Path
 
-from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +24,7 @@ def write_progress(file: Path, found: Progress) -> Path:
     stream = io.StringIO()
     with rc_context(_SMALL):
         progress_figure(found).savefig(stream, format="svg", metadata={"Date": None})
-    drawn = Markup(stream.getvalue()[stream.getvalue().index("<svg") :])
+    drawn = stream.getvalue()[stream.getvalue().index("<svg") :]
     page = rendered("progress.html.jinja", found=found, figure=drawn, statement=STATEMENT)
     replace(file, page, private=True)
     return file

@@ -168,7 +168,7 @@ class Record:
         gone = {pseudonym for pseudonym in told if self.is_forgotten(pseudonym)}
         if gone:
             self.notes.append(f"{path}: a patient of it was forgotten, and does not count")
-        with self._writing():
+        with self.writing():
             self.base.execute("DELETE FROM source WHERE name = ?", (name,))
             if sessions is None or gone and gone == told:
                 return
@@ -190,11 +190,11 @@ class Record:
 
     def leave(self, name: str) -> None:
         """Take out what came from a source."""
-        with self._writing():
+        with self.writing():
             self.base.execute("DELETE FROM source WHERE name = ?", (name,))
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def writing(self) -> Iterator[None]:
         """Write all of it or nothing, whatever ends the process."""
         with self.base:
             self.base.execute("BEGIN IMMEDIATE")
@@ -236,7 +236,7 @@ class Record:
     def note(self, what: str, pseudonym: str = "", place: str = "") -> None:
         """Keep for a year who has read or written what, of which patient; place: made there."""
         now = int(time.time())
-        with self._writing():
+        with self.writing():
             self.base.execute("DELETE FROM kept.access WHERE at < ?", (now - _KEPT_S,))
             self.base.execute("INSERT INTO kept.access VALUES (?, ?, ?, ?, ?)",
                               (now, getpass.getuser(), what, pseudonym, place))  # fmt: skip

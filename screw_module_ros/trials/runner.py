@@ -35,10 +35,11 @@ from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
 
+from ..files import STATE_VARIABLE
 from ..locks import AlreadyRunning, Lock
 from ..nodes import bringup
 from ..nodes.bringup import network_option
-from ..nodes.support.place import NETWORK_VARIABLE, RANGE_VARIABLE, STATE_VARIABLE
+from ..nodes.support.place import NETWORK_VARIABLE, RANGE_VARIABLE
 from ..nodes.support.runtime import StopFlag
 from ..operator.robot import Robot, RobotError
 from ..terminal import Console

@@ -12,7 +12,8 @@ from pathlib import Path
 from file_damage import BYTES
 from runner import sentence
 
-from screw_module_ros.nodes.support.place import STATE_VARIABLE, SavedState
+from screw_module_ros.files import STATE_VARIABLE
+from screw_module_ros.nodes.support.place import SavedState
 from screw_module_ros.safety import supervision
 from screw_module_ros.safety.supervision import SupervisorState
 

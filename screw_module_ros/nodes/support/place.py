@@ -18,6 +18,7 @@ from typing import Any
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from screw_module_ros.domain import domain_id
+from screw_module_ros.files import state_folder
 from screw_module_ros.resources import resource_path
 
 RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -26,7 +27,6 @@ BUILTIN_VARIABLE = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _PROFILES = (PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE")
 _PEERS_VARIABLE = "ROS_STATIC_PEERS"
-STATE_VARIABLE = "XDG_STATE_HOME"
 _LOCALHOST_ONLY_VARIABLE = "ROS_LOCALHOST_ONLY"  # deprecated; would bring shared memory back
 _LOCALHOST_PROFILE = "params/fastdds_localhost.xml"
 # The usual limit for sockets: the recorder may be unable to read for a while. A full buffer loses
@@ -157,12 +157,6 @@ class SavedState:
         beside.write_text(json.dumps(values), "utf-8")
         beside.replace(self.path)
         self._values = values
-
-
-def state_folder() -> Path:
-    """Return our folder of $XDG_STATE_HOME, else of ~/.local/state: each user has their own."""
-    above = os.environ.get(STATE_VARIABLE) or Path.home() / ".local" / "state"
-    return Path(above) / "screw_module_ros"
 
 
 def root_folder(text: str) -> Path:
