@@ -17,6 +17,7 @@ from pathlib import Path
 from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
 from ..settings import SettingError
+from .bids import write_bids
 from .export import csv_text, masked, write_tables
 from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
 from .progress import as_text, progress_of
@@ -53,6 +54,7 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
                 ("--decimal-comma", "decimal commas, and semicolons between columns"),
                 ("--bom", "a byte order mark in front, by which spreadsheets know UTF-8"),
                 ("--shift-dates", "move all dates of a patient by one random number of days"),
+                ("--bids", "also samples and trials in the layout of BIDS, all patients in one"),
                 ("--rename", "give each patient a new pseudonym, which nothing keeps"),
             ):
                 command.add_argument(option, action="store_true", help=text)
@@ -154,6 +156,9 @@ def _export(options: argparse.Namespace) -> int:
         for patient, mask in masks.items():
             with _writing(options.out):
                 print(write_tables(record, patient, mask, options.out, text) / "trials.csv")
+        if options.bids:
+            with _writing(options.out):
+                print(write_bids(record, masks, options.out / "bids"))
     return 0
 
 
