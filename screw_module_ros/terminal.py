@@ -12,8 +12,6 @@
 from __future__ import annotations
 
 import functools
-import math
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -126,31 +124,3 @@ def output_option(default: str) -> Callable:
         "--folder", type=click.Path(file_okay=False, path_type=Path), default=Path(default),
         help="Each run makes a folder of its own in here.",
     )  # fmt: skip
-
-
-class FiniteRange(click.FloatRange):
-    """A finite number in a range; `click.FloatRange` accepts nan."""
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """Return the number; exit with a message that names the option if it is not finite."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{number} is not a finite number", param, ctx)
-        return number
-
-
-class OutputFile(click.Path):
-    """A file to write; what prevents it is said before the work, not after it."""
-
-    def __init__(self) -> None:
-        super().__init__(dir_okay=False, writable=True, path_type=Path)
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Path:
-        """Return the path; exit with a message that names the option if it cannot be written."""
-        file = super().convert(value, param, ctx)
-        assert isinstance(file, Path)
-        if not file.parent.is_dir():
-            self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
-        if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
-            self.fail(f"{file}: no permission to write into {file.parent}", param, ctx)
-        return file

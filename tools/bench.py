@@ -53,8 +53,8 @@ from screw_module_ros.operator.bring_up import DRIVES, bring_up
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.plant.world import ArmSettings
-from screw_module_ros.safety.timing import histogram_of, quantile
-from screw_module_ros.terminal import Console, FiniteRange, OutputFile
+from screw_module_ros.safety.timing import empty_histogram, quantile
+from screw_module_ros.terminal import Console
 from screw_module_ros.trials.demo import make_ready
 from screw_module_ros.trials.one_thread import PERIOD_NS, OneThreadRobot
 from screw_module_ros.trials.patient import Hand
@@ -153,6 +153,34 @@ class Counts(NamedTuple):
     processor: dict[str, float]
     seconds: float
     read: int = 0
+
+
+class FiniteRange(click.FloatRange):
+    """A finite number in a range; `click.FloatRange` accepts nan."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """Return the number; exit with a message that names the option if it is not finite."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number", param, ctx)
+        return number
+
+
+class OutputFile(click.Path):
+    """A file to write; what prevents it is said before the work, not after it."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, writable=True, path_type=Path)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Path:
+        """Return the path; exit with a message that names the option if it cannot be written."""
+        file = super().convert(value, param, ctx)
+        assert isinstance(file, Path)
+        if not file.parent.is_dir():
+            self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
+        if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
+            self.fail(f"{file}: no permission to write into {file.parent}", param, ctx)
+        return file
 
 
 @command("bench")
@@ -355,6 +383,17 @@ class _Counters:
             self._robot.clock.now_ns() * 1e-9,
             page.received if page is not None else 0,
         )
+
+
+def histogram_of(text: str) -> list[int]:
+    """Return the histogram from a text of `histogram_text`. Raises ValueError for other texts."""
+    histogram = empty_histogram()
+    for entry in text.split():
+        number, count = map(int, entry.split(":"))
+        if not 0 <= number < len(histogram) or count < 0:
+            raise ValueError(f"{entry!r} is not a bin of a latency histogram")
+        histogram[number] = count
+    return histogram
 
 
 def figures(begin: Counts, end: Counts) -> Figures:

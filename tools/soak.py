@@ -33,7 +33,7 @@ from scipy.stats import theilslopes
 from screw_module_msgs.msg import AmplifierState, TherapyState
 from screw_module_msgs.srv import StartTherapy
 
-from bench import PageReader, free_port
+from bench import FiniteRange, PageReader, free_port
 from screw_module_ros.bridge.rights import ROLES, SUBSCRIBE
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
@@ -45,7 +45,7 @@ from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.recording.pseudonym import new_pseudonym
 from screw_module_ros.recording.verify import Report, verify
-from screw_module_ros.terminal import Console, FiniteRange, output_option
+from screw_module_ros.terminal import Console, output_option
 from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.trials import therapy

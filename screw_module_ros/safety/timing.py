@@ -141,14 +141,3 @@ def quantile(histogram: Sequence[int], share: float) -> float:
 def histogram_text(histogram: Sequence[int]) -> str:
     """Return the bins that are not empty as `number:count`, separated by blanks."""
     return " ".join(f"{number}:{count}" for number, count in enumerate(histogram) if count)
-
-
-def histogram_of(text: str) -> list[int]:
-    """Return the histogram from a text of `histogram_text`. Raises ValueError for other texts."""
-    histogram = empty_histogram()
-    for entry in text.split():
-        number, count = map(int, entry.split(":"))
-        if not 0 <= number < _BINS or count < 0:
-            raise ValueError(f"{entry!r} is not a bin of a latency histogram")
-        histogram[number] = count
-    return histogram

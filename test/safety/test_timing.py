@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.safety.timing import (
-    BIN_NS,
-    DeadlineMeter,
-    histogram_of,
-    histogram_text,
-    quantile,
-)
+from screw_module_ros.safety.timing import BIN_NS, DeadlineMeter, quantile
 
 PERIOD_NS = 1_000_000
 
@@ -123,15 +117,3 @@ def test_a_quantile_is_never_told_too_small():
     assert quantile(run([7_000]).histogram, 0.5) == pytest.approx(10e-6)
     assert quantile(run([0, 0, 60_000_000]).histogram, 0.99) == math.inf
     assert quantile(run([]).histogram, 0.99) == 0.0
-
-
-@given(st.lists(st.integers(0, 8_000_000), max_size=50))
-def test_a_histogram_survives_its_text(latencies_ns):
-    histogram = run(latencies_ns).histogram
-    assert histogram_of(histogram_text(histogram)) == histogram
-
-
-@pytest.mark.parametrize("text", ["1000:1", "-1:1", "1:-1", "1", "a:b"])
-def test_what_is_no_histogram_is_refused(text):
-    with pytest.raises(ValueError):
-        histogram_of(text)

@@ -12,6 +12,8 @@ import time
 import pytest
 from click.testing import CliRunner
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
 import bench
@@ -42,6 +44,7 @@ from bench import (
     compare,
     content_of,
     figures,
+    histogram_of,
     limit,
     missed,
     processor_time,
@@ -50,7 +53,7 @@ from bench import (
 )
 from screw_module_ros.clock import WallClock
 from screw_module_ros.resources import resource_path
-from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
+from screw_module_ros.safety.timing import BIN_NS, empty_histogram, histogram_text, note_latency
 from screw_module_ros.trials.runner import own_place
 
 BIN = BIN_NS * 1e-3  # us
@@ -73,6 +76,20 @@ def run(p99=50.0, **processor):
     used = processor or {"module": 0.4, "sim_rig": 0.5}
     nothing = dict.fromkeys(used, 0.0)
     return figures(counts([], processor=nothing), counts([p99] * 100, seconds=1.0, processor=used))
+
+
+@given(st.lists(st.integers(0, 8_000_000), max_size=50))
+def test_a_histogram_survives_its_text(latencies_ns):
+    histogram = empty_histogram()
+    for latency_ns in latencies_ns:
+        note_latency(histogram, latency_ns)
+    assert histogram_of(histogram_text(histogram)) == histogram
+
+
+@pytest.mark.parametrize("text", ["1000:1", "-1:1", "1:-1", "1", "a:b"])
+def test_what_is_no_histogram_is_refused(text):
+    with pytest.raises(ValueError):
+        histogram_of(text)
 
 
 def case(section, title, bare=""):

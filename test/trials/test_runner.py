@@ -9,11 +9,10 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bench import bench
+from bench import FiniteRange, bench
 from screw_module_ros.locks import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import BagError
-from screw_module_ros.terminal import FiniteRange
 from screw_module_ros.trials import runner
 from screw_module_ros.trials.runner import Interrupted, command, new_folder
 from soak import soak
