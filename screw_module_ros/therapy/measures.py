@@ -3,15 +3,13 @@
 
 The names are those of TrialResult.msg and of the CSV. pm1 (`initiated`) to pm4 are the measures
 that the adaptation uses (krebs2003). The definitions name authors and year; the works are
-rohrer2002, balasubramanian2012, balasubramanian2015, dipietro2007 and cohen1988 of
-docs/references.md.
+rohrer2002, balasubramanian2012, balasubramanian2015 and dipietro2007 of docs/references.md.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from statistics import mean, variance
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -295,17 +293,3 @@ FILTERED = ("jerk", "log_jerk")
 def computed(trial: Trial) -> dict[str, float]:
     """Return all computed measures of a trial by name [SI], NaN where it has none."""
     return {name: BY_NAME[name].value(trial) for name in COMPUTED}
-
-
-def effect_size(one: Sequence[float], other: Sequence[float]) -> float:
-    """Return Cohen's d [1]: mean of `other` minus mean of `one`, over the pooled deviation.
-
-    The pooled deviation weights the groups by their sizes (cohen1988, 2.5.1). NaN for fewer than
-    two values in a group, or if all values equal the means of their groups.
-    """
-    degrees = len(one) + len(other) - 2
-    if min(len(one), len(other)) < 2:
-        return math.nan
-    spread = (len(one) - 1) * variance(one) + (len(other) - 1) * variance(other)
-    pooled = math.sqrt(spread / degrees)
-    return (mean(other) - mean(one)) / pooled if pooled > 0.0 else math.nan

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from ..files import replace
-from .measures import BY_NAME, MEASURES
+from .measures import MEASURES
 from .recorded import Recorded
 from .replay import Replay
 from .report_content import (
-    COMPARED,
-    Compared,
-    compared,
     has_sides,
     labelled,
     middle,
@@ -40,13 +36,6 @@ NOT_ADAPTED = "The assistance was not adapted in the latest session."
 STATEMENT = (
     "This page describes recorded movements. It is no diagnosis and claims no benefit of a therapy."
 )
-EFFECT = (
-    "Mean of the last block of reaches without assistance minus that of the first, over their "
-    "pooled standard deviation (Cohen 1988: 0.2 is small, 0.5 medium, 0.8 large); positive where "
-    "the figure increased. It measures the difference of two blocks, which have few reaches, and "
-    "not its cause."
-)
-"""Definition of the effect size, which no single trial has."""
 
 
 def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
@@ -56,7 +45,7 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
     of several patients, OSError if it cannot be written.
     """
     patient = patient_of(sessions)
-    latest, found = sessions[-1], compared(sessions)
+    latest = sessions[-1]
     adapted = any(session.changes for session in sessions)
     text = rendered(
         "report.html.jinja",
@@ -68,7 +57,6 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
         trials=_image(trials_figure(sessions)) if any(map(reaches, sessions)) else "",
         figures=shown(sessions),
         medians=_medians(sessions),
-        effects=effect_text(found) if found is not None else "",
         others=[(summary(s).date, *test) for s in sessions for test in other_tests(s)],
         assistance=_image(assistance_figure(sessions)) if adapted else "",
         changes=latest.changes,
@@ -76,7 +64,6 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
         not_adapted=NOT_ADAPTED,
         replays=[(summary(s).date, r) for s, r in zip(sessions, replays, strict=True)],
         measures=MEASURES,
-        effect=EFFECT,
         labelled=labelled,
         number=number_text,
     )
@@ -112,20 +99,6 @@ def _medians(sessions: Sequence[Recorded]) -> list[tuple[str, list[str]]]:
                 cells = [number_text(name, middle(kept, name)) for name in shown(sessions)]
                 rows.append((f"{summary(session).date}, {words}", cells))
     return rows
-
-
-def effect_text(found: Compared) -> str:
-    """Return the effect sizes of all figures shown, as a sentence without its end."""
-    sizes = ", ".join(f"{BY_NAME[name].label} {_signed(found.effect(name))}" for name in COMPARED)
-    return (
-        f"From the first block without assistance ({found.first_date}, {len(found.first)} reaches) "
-        f"to the last ({found.last_date}, {len(found.last)}): {sizes}"
-    )
-
-
-def _signed(value: float) -> str:
-    """Return an effect size with its sign, a dash for none."""
-    return f"{value:+.1f}" if math.isfinite(value) else "–"
 
 
 def _image(figure: Figure) -> str:

@@ -12,15 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from .hand import VERTICAL
-from .measures import BY_NAME, Row, effect_size
+from .measures import BY_NAME, Row
 from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
 from .recorded import Recorded
 from .session import State
 
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
-COMPARED = SHOWN[:-1]
-"""Figures for the comparison of blocks without assistance, where the share has no meaning."""
 OTHERS = {
     CIRCLE: ("independence", "size", "work_area", "log_jerk"),
     HOLD: ("hold_deviation",),
@@ -64,19 +62,6 @@ def middle(rows: Sequence[Row], name: str) -> float:
     return median(found.tolist()) if found.size else math.nan
 
 
-class Compared(NamedTuple):
-    """The first and the last block of reaches without assistance: when, and their trials."""
-
-    first_date: str
-    last_date: str
-    first: list[Row]
-    last: list[Row]
-
-    def effect(self, name: str) -> float:
-        """Return the effect size of a figure's change, NaN if it is undefined."""
-        return effect_size(*(values(rows, name)[1].tolist() for rows in (self.first, self.last)))
-
-
 def shown(sessions: Sequence[Recorded]) -> tuple[str, ...]:
     """Return the names of `SHOWN` that say something: a path up and down has no error."""
     if has_sides(sessions):
@@ -87,26 +72,6 @@ def shown(sessions: Sequence[Recorded]) -> tuple[str, ...]:
 def has_sides(sessions: Sequence[Recorded]) -> bool:
     """Return whether any movement had room, and walls, beside its line."""
     return any(session.protocol.space != VERTICAL for session in sessions)
-
-
-def compared(sessions: Sequence[Recorded]) -> Compared | None:
-    """Return the blocks to compare, from the latest session and the first one with its protocol.
-
-    None with fewer than two blocks.
-    """
-    latest = sessions[-1]
-    same = [s for s in sessions if s.protocol.blocks == latest.protocol.blocks]
-    blocks = [(date_of(s), rows) for s in (same[0], latest) for rows in _free_blocks(s)]
-    if not blocks:
-        return None
-    (first_date, first), (last_date, last) = blocks[0], blocks[-1]
-    return Compared(first_date, last_date, first, last) if first != last else None
-
-
-def _free_blocks(recorded: Recorded) -> list[list[Row]]:
-    rows = [row for row in reaches(recorded) if not row["assisted"]]
-    numbers = sorted({row["block"] for row in rows})
-    return [[row for row in rows if row["block"] == number] for number in numbers]
 
 
 def summary(recorded: Recorded) -> Summary:

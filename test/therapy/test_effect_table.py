@@ -4,12 +4,12 @@
 import math
 import re
 from pathlib import Path
-from statistics import mean, pstdev
+from statistics import mean, variance
 
 import pytest
 from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
 
-from screw_module_ros.therapy.measures import COMPUTED, effect_size
+from screw_module_ros.therapy.measures import COMPUTED
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.session import Session
 
@@ -46,20 +46,24 @@ def of(figures, name):
     return [value for each in figures if math.isfinite(value := each[name])]
 
 
+def effect(one, other, name):
+    """Cohen's d: mean of `other` minus that of `one`, over the pooled deviation.
+
+    The pooled deviation weights the groups by their sizes (cohen1988, 2.5.1).
+    """
+    a, b = of(one, name), of(other, name)
+    spread = (len(a) - 1) * variance(a) + (len(b) - 1) * variance(b)
+    return (mean(b) - mean(a)) / math.sqrt(spread / (len(a) + len(b) - 2))
+
+
 def test_the_table_of_effect_sizes(groups):
     table = {name: (float(tremor), float(weak)) for name, tremor, weak in ROW.findall(
         DOCS.read_text("utf-8"))}  # fmt: skip
     assert set(table) == set(COMPUTED) - OF_OTHER_TRIALS
     for name, sizes in table.items():
         for who, size in zip(("tremor", "weak"), sizes, strict=True):
-            found = effect_size(of(groups["healthy"], name), of(groups[who], name))
+            found = effect(groups["healthy"], groups[who], name)
             assert found == pytest.approx(size, abs=0.06), (name, who)
-
-
-def effect(worse, better, name):
-    """Cohen's d of a figure between two groups of trials."""
-    a, b = of(worse, name), of(better, name)
-    return (mean(a) - mean(b)) / math.sqrt(0.5 * (pstdev(a) ** 2 + pstdev(b) ** 2))
 
 
 @pytest.mark.parametrize(
@@ -74,7 +78,7 @@ def effect(worse, better, name):
 )  # fmt: skip
 def test_figures_tell_patients_apart_by_a_large_effect(groups, name, who, sign):
     """|d| > 0.8 is a large effect (Cohen 1988)."""
-    assert sign * effect(groups[who], groups["healthy"], name) > 0.8
+    assert sign * effect(groups["healthy"], groups[who], name) > 0.8
 
 
 def test_the_healthy_reach_and_start_by_themselves(groups):

@@ -27,7 +27,7 @@ from screw_module_ros.therapy.kinematics import (
     work_done,
 )
 from screw_module_ros.therapy.line import Line
-from screw_module_ros.therapy.measures import computed, effect_size
+from screw_module_ros.therapy.measures import computed
 from screw_module_ros.therapy.protocol import REACH
 from screw_module_ros.therapy.smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
 
@@ -207,19 +207,3 @@ def test_rest_has_no_smoothness_and_nonsense_is_refused():
             measure(BELL, 0.0)
         with pytest.raises(ValueError, match="finite"):
             measure([1.0, math.nan, 1.0], 200.0)
-
-
-def test_cohens_d_by_hand():
-    """Means 2 and 5, variances 1 and 4 over 2 and 2 degrees: 3 / sqrt(2.5)."""
-    assert effect_size([1.0, 2.0, 3.0], [3.0, 5.0, 7.0]) == pytest.approx(3.0 / math.sqrt(2.5))
-    assert effect_size([3.0, 5.0, 7.0], [1.0, 2.0, 3.0]) == pytest.approx(-3.0 / math.sqrt(2.5))
-
-
-def test_the_larger_group_counts_for_more():
-    """Variances 2 over 1 degree and 1 over 2: pooled 4/3."""
-    assert effect_size([0.0, 2.0], [2.0, 3.0, 4.0]) == pytest.approx(2.0 / math.sqrt(4.0 / 3.0))
-
-
-@pytest.mark.parametrize("groups", [([], [1.0]), ([1.0], [1.0, 2.0]), ([1.0, 1.0], [2.0, 2.0])])
-def test_no_spread_no_size(groups):
-    assert math.isnan(effect_size(*groups))

@@ -17,7 +17,6 @@ from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.report import STATEMENT, write_report
 from screw_module_ros.therapy.report_content import (
     OTHERS,
-    compared,
     other_tests,
     summary,
 )
@@ -53,7 +52,7 @@ def html(sessions, replays, tmp_path_factory):
 def test_every_link_leads_to_a_definition(html):
     links = set(re.findall(r'href="#(\w+)"', html))
     targets = set(re.findall(r'<dt id="(\w+)"', html))
-    assert targets == {*(measure.name for measure in MEASURES), "effect"}
+    assert targets == {measure.name for measure in MEASURES}
     assert links and links <= targets
 
 
@@ -116,20 +115,6 @@ def test_the_figures_show_only_what_there_is_and_from_zero(sessions):
             assert high - low >= 0.5
         else:
             assert low == 0.0 < high
-
-
-def test_the_first_and_the_last_block_without_assistance_are_compared(sessions, html):
-    found = compared(sessions)
-    assert (found.first_date, found.last_date) == ("2026-01-05 08:00", "2026-01-07 08:00")
-    assert [len(rows) for rows in (found.first, found.last)] == [4, 4]
-    assert not any(row["assisted"] for row in found.first + found.last)
-    size = found.effect("duration")
-    means = [sum(row["duration"] for row in rows) / 4 for rows in (found.first, found.last)]
-    assert size * (means[1] - means[0]) > 0.0
-    assert f"duration {size:+.1f}" in html and 'href="#effect"' in html
-    assert compared(sessions[:1]) is None, "one block has nothing to be compared with"
-    other = recorded(HEALTHY, short(load_protocol("elevator")), 1, 1)
-    assert compared([sessions[0], other]) is None, "another protocol is no comparison"
 
 
 def test_paths_lead_from_the_centre_to_their_targets(sessions):
