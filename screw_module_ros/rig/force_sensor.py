@@ -62,6 +62,7 @@ class SimulatedForceSensor(SimulatedDevice):
     bias = drift = noise = 0.0
     stuck: list[int] | None = None
     only_first_frame = False
+    _zeros: tuple[float, ...] = ZERO_OFFSETS
 
     def __init__(self, link: Link, base_id: int, physics: Physics):
         super().__init__("force_sensor", link)
@@ -82,14 +83,19 @@ class SimulatedForceSensor(SimulatedDevice):
             return self.stuck
         fx, fy, fz, *torques = self._physics.world.wrench()
         fz += self.bias + self.drift * (now_ns - self._drift_from_ns) * 1e-9
-        raw = self._calibration.gauges((fx, fy, fz, *torques))
+        raw = self._counts((fx, fy, fz, *torques))
         noise = math.hypot(self.converter_noise, self.noise)
         numbers = flicker(self._seeds, now_ns) if noise else _QUIET
-        shown = zip(raw, numbers, ZERO_OFFSETS, strict=True)
-        counts = limited([value + noise * number + zero for value, number, zero in shown])
+        shown = zip(raw, numbers, self._zeros, strict=True)
+        values = [value + noise * number + zero for value, number, zero in shown]
+        counts = [max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value))) for value in values]
         if self.saturated is not None:
             counts[self.saturated] = LARGEST_COUNT
         return counts
+
+    def _counts(self, wrench: tuple[float, ...]) -> list[float]:
+        """Return what the sensor shows of a wrench [N, Nm] without noise and zeros [counts]."""
+        return self._calibration.gauges(wrench)
 
     # Requests.
 
@@ -207,8 +213,3 @@ def six_normal(first: int, second: int) -> tuple[float, float, float, float, flo
     n3, n4, first, second = normal_pair(first, second)
     n5, n6, first, second = normal_pair(first, second)
     return n1, n2, n3, n4, n5, n6
-
-
-def limited(values: list[float]) -> list[int]:
-    """Return numbers of counts as a 16-bit converter gives them."""
-    return [max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value))) for value in values]

@@ -7,16 +7,9 @@ samples are numbered; it measures at 7 kHz, so two requests of a 1 kHz master ar
 
 from __future__ import annotations
 
-import math
 import struct
 
-from screw_module_ros.rig.force_sensor import (
-    FAULT_BITS,
-    LARGEST_COUNT,
-    SimulatedForceSensor,
-    flicker,
-    limited,
-)
+from screw_module_ros.rig.force_sensor import FAULT_BITS, SimulatedForceSensor
 from screw_module_ros.rig.port import Handler
 
 _REQUEST_SHORT = 0x02
@@ -32,21 +25,12 @@ class SimulatedNetSensor(SimulatedForceSensor):
     """The box with its sensor; faults as of the NETCANOEM, whose gauges are its axes here."""
 
     _number = 0
+    _zeros = (0.0,) * 6
 
-    def gauges(self, now_ns: int) -> list[int]:
+    def _counts(self, wrench: tuple[float, ...]) -> list[float]:
         """Return Fx, Fy, Fz, Tx, Ty, Tz [counts], as the box sends them."""
-        if self.stuck is not None:
-            return self.stuck
-        fx, fy, fz, *torques = self._physics.world.wrench()
-        fz += self.bias + self.drift * (now_ns - self._drift_from_ns) * 1e-9
-        raw = [COUNTS_PER_NEWTON * force for force in (fx, fy, fz)]
-        raw += [COUNTS_PER_NEWTON_METRE * torque for torque in torques]
-        noise = math.hypot(self.converter_noise, self.noise)
-        numbers = flicker(self._seeds, now_ns)
-        counts = limited([value + noise * n for value, n in zip(raw, numbers, strict=True)])
-        if self.saturated is not None:
-            counts[self.saturated] = LARGEST_COUNT
-        return counts
+        forces = [COUNTS_PER_NEWTON * force for force in wrench[:3]]
+        return forces + [COUNTS_PER_NEWTON_METRE * torque for torque in wrench[3:]]
 
     def _handlers(self) -> dict[int, Handler]:
         return {self._base: self._request}
