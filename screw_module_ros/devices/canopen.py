@@ -8,6 +8,7 @@ client may have altered it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from typing import Any, ClassVar, NamedTuple
 
@@ -79,7 +80,7 @@ class Identity(NamedTuple):
         )
 
 
-class CanopenDevice(Life):
+class CanopenDevice(Life, ABC):
     """One remote node; a driver is a subclass with its CiA profile and the hooks at the end.
 
     settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
@@ -317,9 +318,9 @@ class CanopenDevice(Life):
     # -- hooks -----------------------------------------------------------------------------------
 
     @property
+    @abstractmethod
     def sync_rate(self) -> float:
         """SYNCs per second on its bus [Hz]."""
-        raise NotImplementedError
 
     @property
     def own_objects(self) -> frozenset[tuple[int, int]]:
@@ -327,41 +328,41 @@ class CanopenDevice(Life):
         return frozenset()
 
     @property
+    @abstractmethod
     def answer_id(self) -> int:
         """Identifier of the frame with which it answers SYNC."""
-        raise NotImplementedError
 
+    @abstractmethod
     def refuse_others(self) -> None:
         """Raise Occupied when another master works on this bus: see `listen_for`."""
-        raise NotImplementedError
 
     def make_safe(self) -> None:
         """End what an earlier program may have left going, before anything else is written."""
 
+    @abstractmethod
     def set_up(self) -> Any:
         """Write the objects of an identified device and read them back; return what was found."""
-        raise NotImplementedError
 
+    @abstractmethod
     def adopt(self, found: Any) -> None:
         """Take over what `set_up` returned: the device is configured."""
-        raise NotImplementedError
 
+    @abstractmethod
     def prepare_start(self) -> None:
         """Begin the cyclic work anew, just before NMT start."""
-        raise NotImplementedError
 
+    @abstractmethod
     def restarted(self) -> None:
         """Latch that a configured device has booted up."""
-        raise NotImplementedError
 
+    @abstractmethod
     def altered_by(self, client: str) -> None:
         """Latch that another SDO client talks to a configured device. client: its description."""
-        raise NotImplementedError
 
+    @abstractmethod
     def doubled(self, shown: str) -> None:
         """Latch that more than one device has this node id. shown: by what."""
-        raise NotImplementedError
 
+    @abstractmethod
     def reported(self, emergency: emcy.Emergency) -> None:
         """Process an emergency that is no reset."""
-        raise NotImplementedError

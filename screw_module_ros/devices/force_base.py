@@ -9,6 +9,7 @@ half of this that all sensors on CAN share which answer one frame with several.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -42,7 +43,7 @@ class NoSettings(NamedTuple):
     """Settings of a driver's own: none."""
 
 
-class ForceSensor(Life):
+class ForceSensor(Life, ABC):
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
     port: what the sensor is reached by. own: a record of OWN, from `settings` of its profile.
@@ -127,20 +128,20 @@ class ForceSensor(Life):
     def refuse_others(self) -> None:
         """Raise Occupied when somebody else already asks this sensor."""
 
+    @abstractmethod
     def identify(self) -> list[Row]:
         """Find the sensor and set it up; blocking.
 
         Returns the matrix from its six values to fx, fy, fz [N] and tx, ty, tz [Nm] in its own
         axes. Raises as `configure`.
         """
-        raise NotImplementedError
 
     def reset_device(self) -> None:
         """Restart the device, where it can be told to; blocking. Raises NotAnswering, BusError."""
 
+    @abstractmethod
     def ask(self, monotonic_ns: int) -> None:
         """Ask for one sample; monotonic_ns: now [ns]. Raises BusError."""
-        raise NotImplementedError
 
     def poll_slow(self) -> None:
         """Read further values into `shown`; blocking, not for the loop."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from functools import partial
 from typing import Any, ClassVar
 
@@ -55,9 +56,9 @@ class FrameSensor(ForceSensor):
         if not self._shared_id:
             port.subscribe(request_id, self._on_request)
 
+    @abstractmethod
     def values(self, *frames: bytes) -> tuple[int, tuple[float, ...] | None]:
         """Return status word and six values of an answer, None for values not to be used."""
-        raise NotImplementedError
 
     @property
     def traffic(self) -> list[Traffic]:

@@ -8,6 +8,7 @@ clock lets the rig answer before a wait (`lockstep.rounds`). `rig_hub` adds othe
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -30,13 +31,13 @@ class FrameBus(can.BusABC):
         self.channel_info = f"rig {channel}"
         super().__init__(channel, **kwargs)
 
+    @abstractmethod
     def send_frame(self, can_id: int, data: bytes) -> None:
         """Send a frame: its word and its data."""
-        raise NotImplementedError
 
+    @abstractmethod
     def receive_frame(self, timeout_s: float | None) -> Frame | None:
         """Return the next frame, None without one within `timeout_s` [s]; None: no limit."""
-        raise NotImplementedError
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a classical frame to all others on the bus."""

@@ -10,6 +10,7 @@ then acts a fixed latency after its SYNC, as on a real robot, however long its c
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -110,7 +111,7 @@ RELEASED = (0.0, False, False)
 """Of a motor: no torque [Nm], not powered, not braked."""
 
 
-class Axis:
+class Axis(ABC):
     """One motor of the plant and its position feedback.
 
     factor: unit of the world's command per newton metre.
@@ -122,13 +123,13 @@ class Axis:
         self._factor = factor
         self._driven = RELEASED
 
+    @abstractmethod
     def position(self) -> int:
         """Return the position feedback [counts]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def torque(self) -> float:
         """Return the torque that really acts on the rotor [Nm]."""
-        raise NotImplementedError
 
     def drive(self, torque: float, powered: bool, braked: bool) -> None:
         """Set the motor: torque [Nm] while powered; else coasting, or braking when `braked`."""
@@ -137,8 +138,9 @@ class Axis:
             self._driven = driven
             self._physics.act(partial(self._set, *driven))
 
+    @abstractmethod
     def _set(self, command: float, powered: bool, braked: bool) -> None:
-        raise NotImplementedError
+        """Give the world the motor's command [A or Nm] and its state."""
 
 
 class VerticalAxis(Axis):

@@ -81,6 +81,16 @@ def test_an_answer_of_one_frame_is_a_sample(wire, chosen):
     assert wire.sent(0x701) == [b"\x01"]
 
 
+def test_a_driver_without_a_hook_that_it_needs_is_refused_when_it_is_made(wire, chosen):
+    """Not by the first answer, with a hand on the handle."""
+
+    class Half(FrameSensor):
+        REQUEST, SIZES, SATURATED, identify = b"\x01", (6,), 127, OneFrame.identify
+
+    with pytest.raises(TypeError, match="values"):
+        driver(chosen(Half), lambda *claims: wire.port)
+
+
 def test_a_driver_that_raises_is_a_latched_fault_and_no_sample(wire, chosen):
     sensor = driver(chosen(OneFrame), lambda *claims: wire.port)
     sensor.configure()
