@@ -97,11 +97,6 @@ class LawInMode(NamedTuple):
         """The settings of the law."""
         return settings_of(self.law, self.settings, self.own)
 
-    @property
-    def gain(self) -> float:
-        """The force gain."""
-        return getattr(self.chosen, self.gain_name)
-
     def with_gain(self, gain: float) -> LawInMode:
         """Return the law with another force gain."""
         changed = self.chosen._replace(**{self.gain_name: gain})

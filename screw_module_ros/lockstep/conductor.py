@@ -63,11 +63,6 @@ class Conductor:
         self._due_s = self._progress_s
         self._factor_s, self._factor_ns = self._progress_s, self.header[NOW]
 
-    @property
-    def now_ns(self) -> int:
-        """Simulated time [ns]."""
-        return self.header[NOW]
-
     def quiet(self) -> int | None:
         """Return the earliest time a member waits for [ns]; None while any member has work."""
         page = self._page

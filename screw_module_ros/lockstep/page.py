@@ -73,8 +73,8 @@ class TableFull(RuntimeError):
 class Page:
     """The words of one page; attributes named as in the tables are arrays of 64-bit integers.
 
-    now_ns: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with
-    each row that is taken or returned. factor: real-time factor in per mille.
+    header[NOW]: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes
+    with each row that is taken or returned. factor: real-time factor in per mille.
     user_pid: one row per process that has the page open. thread_pid, until, waits, wake, asleep:
     one row per thread: the time that it waits for [ns], the number of its waits, its wake word.
     end_pid, channel, ...: one row per end of a bus, topic or service (see `End`).
@@ -148,15 +148,6 @@ class Page:
                 fcntl.flock(self._file, fcntl.LOCK_UN)
 
     # Header --------------------------------------------------------------------------------
-
-    @property
-    def now_ns(self) -> int:
-        """Simulated time [ns]."""
-        return self.header[NOW]
-
-    @now_ns.setter
-    def now_ns(self, now_ns: int) -> None:
-        self.header[NOW] = now_ns
 
     @property
     def conductor(self) -> int:

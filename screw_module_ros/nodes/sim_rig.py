@@ -239,7 +239,7 @@ class SimRigNode(Node):
             return False
         if self._rounds is not None:  # until then it serves what they do at their end
             return self._rounds.ended or self._departure.is_late
-        return self._departure.is_due(self._rig.counters.frames_in)
+        return self._departure.is_due(self._rig.counters["frames_in"])
 
     def _look_up(self) -> bool:
         """Publish what is due, between two frames; return whether to stop serving."""
@@ -319,7 +319,7 @@ class SimRigNode(Node):
 
     def health(self) -> Health:
         """Frames, slips."""
-        counters = self._rig.counters._asdict()
+        counters = self._rig.counters
         if counters["lost"] and not self._has_told_of_loss:
             self._has_told_of_loss = True
             self.get_logger().warning("a process that reads no frames of its bus loses them")

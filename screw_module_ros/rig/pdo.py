@@ -13,7 +13,6 @@ simulated device without these checks would hide.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -34,7 +33,6 @@ from screw_module_ros.rig.object_dictionary import (
     NOT_MAPPABLE,
     PDO_TOO_LONG,
     UNSUPPORTED_ACCESS,
-    Key,
     ObjectDictionary,
     require,
 )
@@ -112,7 +110,9 @@ class Tpdo(_Pdo):
         super().refresh()
         node = self._device.node
         self._inhibit_ns = node.optional(self.index, _INHIBIT_TIME, 0) * _INHIBIT_UNIT
-        self._sources = [_source(node, key) for key in self._keys]
+        self._sources = [
+            node.sources.get(key) or partial(node.value, *key) for key in self._keys
+        ]
 
     def start(self, now_ns: int) -> None:
         """Start at NMT start: SYNCs count from now, and an event-driven PDO is sent once."""
@@ -164,7 +164,9 @@ class Rpdo(_Pdo):
         """Read the configuration again; a timer set to zero or a PDO switched off is disarmed."""
         super().refresh()
         self._event_ns = self._event_ns or self._device.own_deadline_ns()
-        self._sinks = [_sink(self._device.node, key) for key in self._keys]
+        node = self._device.node
+        # No object but the dummies lacks a sink.
+        self._sinks = [node.sinks.get(key) or partial(node.put, *key) for key in self._keys]
         if not (self.valid and self._event_ns):
             self.deadline_ns = 0
 
@@ -209,14 +211,6 @@ class Rpdo(_Pdo):
         for sink, value in zip(self._sinks, self._struct.unpack(data), strict=True):
             sink(value)
         self._device.written(now_ns)
-
-
-def _source(node: ObjectDictionary, key: Key) -> Callable[[], int]:
-    return node.sources.get(key) or (lambda: node.value(*key))
-
-
-def _sink(node: ObjectDictionary, key: Key) -> Callable[[int], None]:
-    return node.sinks.get(key) or partial(node.put, *key)  # no object but the dummies lacks one
 
 
 def check_pdo_write(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:

@@ -16,6 +16,9 @@ from .local_bus import LocalHub
 Handler = Callable[[bytes, int], None]
 """Handler of a frame: called with the payload and the present time [ns]."""
 
+COUNTED = ("frames_in", "frames_out", "ignored", "lost", "receive_errors", "send_errors")
+"""Counters of a port."""
+
 
 class RigPort:
     """One bus: frames in by id, frames out, counters.

@@ -13,7 +13,7 @@ import select
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import Any, Protocol
 
 import can
 
@@ -26,7 +26,7 @@ from screw_module_ros.rig.device import CLEAR, SimulatedDevice
 from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import catalogue
 from screw_module_ros.rig.physics import RELEASED, Physics
-from screw_module_ros.rig.port import RigPort
+from screw_module_ros.rig.port import COUNTED, RigPort
 from screw_module_ros.settings import shown, validated
 
 ALL = "all"
@@ -60,22 +60,6 @@ class Loops(Protocol):
 
     def holds(self) -> bool:
         """Return whether a frame within this process has not been read: time waits for it."""
-
-
-class RigCounters(NamedTuple):
-    """Counters of the rig, over all buses.
-
-    ignored: frames that no device here answers. lost: frames that processes which do not read have
-    lost. slipped: periods of wall clock skipped because the machine was busy.
-    """
-
-    frames_in: int
-    frames_out: int
-    ignored: int
-    lost: int
-    receive_errors: int
-    send_errors: int
-    slipped: int
 
 
 class Rig:
@@ -253,14 +237,6 @@ class Rig:
             self.call(partial(one.inject, fault, value, duration, now_ns))
         return "; ".join(sentences)
 
-    def faults(self) -> dict[str, str]:
-        """Return "device fault" -> one line of description, for every fault."""
-        return {
-            f"{name} {kind}": fault.line()
-            for name, device in self.devices.items()
-            for kind, fault in device.FAULTS.items()
-        }
-
     def describe(self, device: str = ALL) -> str:
         """Return the faults of a device, a bus or all, as readable text."""
         chosen = self._chosen(device)
@@ -274,11 +250,14 @@ class Rig:
         return "\n".join(lines)
 
     @property
-    def counters(self) -> RigCounters:
-        """The counters, over all buses."""
-        names = RigCounters._fields[:-1]
-        sums = [sum(getattr(port, name) for port in self._distinct) for name in names]
-        return RigCounters(**dict(zip(names, sums, strict=True)), slipped=self.physics.slipped)
+    def counters(self) -> dict[str, Any]:
+        """Counters by name, over all buses.
+
+        ignored: frames that no device here answers. lost: frames that processes which do not read
+        have lost. slipped: periods of wall clock skipped because the machine was busy.
+        """
+        found = {name: sum(getattr(port, name) for port in self._distinct) for name in COUNTED}
+        return found | {"slipped": self.physics.slipped}
 
     def close(self) -> None:
         """Release the motors and stop listening; the caller closes the buses."""

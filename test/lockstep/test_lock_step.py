@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from operator import setitem
 
 import pytest
 
@@ -18,6 +19,7 @@ from screw_module_ros.lockstep.end import End
 from screw_module_ros.lockstep.member import Member
 from screw_module_ros.lockstep.page import (
     FOREVER,
+    NOW,
     START_NS,
     THREADS,
     Page,
@@ -51,7 +53,7 @@ class Waiting:
 
     def _wait(self):
         self.member.wait(*self._given)
-        self.reached_ns = self._page.now_ns
+        self.reached_ns = self._page.header[NOW]
 
     @property
     def ended(self) -> bool:
@@ -95,10 +97,10 @@ def test_time_may_move_to_the_earliest_wish(conductor, page, wait_until):
 
 
 def test_a_time_that_has_come_is_not_waited_for(page, member):
-    now_ns = page.now_ns
+    now_ns = page.header[NOW]
     member.wait(now_ns)
     member.wait(now_ns - MS)
-    assert page.now_ns == now_ns
+    assert page.header[NOW] == now_ns
 
 
 # Frames and messages --------------------------------------------------------------------------
@@ -511,11 +513,11 @@ def test_time_begins_anew_where_all_were_killed(page, name):
     fork = multiprocessing.get_context("fork")
     for among, begins_ns in ((f"{name}_left", START_NS), (name, 2 * START_NS)):
         # It ends without closing its page, as a killed one does.
-        killed = fork.Process(target=lambda at=among: setattr(Page(at), "now_ns", 2 * START_NS))
+        killed = fork.Process(target=lambda at=among: setitem(Page(at).header, NOW, 2 * START_NS))
         killed.start()
         killed.join()
         found = Page(among)
-        assert found.now_ns == begins_ns, "among the living it goes on"
+        assert found.header[NOW] == begins_ns, "among the living it goes on"
         found.close()
 
 
@@ -535,7 +537,7 @@ def _tick(name: str, period_ns: int, ticks: int) -> None:
     for number in range(1, ticks + 1):
         due_ns = START_NS + number * period_ns
         member.wait(due_ns)
-        if page.now_ns != due_ns:
+        if page.header[NOW] != due_ns:
             os._exit(2)  # it ran away, or came too early
     page.close()
 
@@ -562,7 +564,7 @@ def test_processes_with_different_periods_all_see_each_of_their_ticks(conductor,
         else:
             conductor.sleep(0.01)
     assert [process.exitcode for process in processes] == [0] * len(periods)
-    assert page.now_ns == START_NS + 700 * MS
+    assert page.header[NOW] == START_NS + 700 * MS
 
 
 def test_to_be_idle_again_is_no_progress():

@@ -29,7 +29,7 @@ def test_frames_of_other_kinds_are_ignored(encoder):
     for frame in (remote, extended):
         encoder.bus.send(frame)
     assert encoder.run(0) == []
-    assert encoder.rig.counters.ignored == 2
+    assert encoder.rig.counters["ignored"] == 2
 
 
 @pytest.fixture

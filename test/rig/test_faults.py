@@ -71,13 +71,13 @@ def test_the_list_says_what_there_is(make_bench):
     rig.inject("elbow", "mute", 0, 0, bench.now_ns)
     bench.run(0)
     assert "elbow, active: mute" in rig.describe()
-    assert rig.faults()["encoder freeze"] == "the position stops changing"
+    assert rig.devices["encoder"].FAULTS["freeze"].line() == "the position stops changing"
 
 
 def test_every_fault_of_every_device_can_be_injected_and_cleared(make_bench):
     bench = make_bench("encoder", "drive", "force_sensor", "planar")
-    for entry in bench.rig.faults():
-        device, fault = entry.split()
+    every = [(name, fault) for name, one in bench.rig.devices.items() for fault in one.FAULTS]
+    for device, fault in every:
         bench.rig.inject(device, fault, 0, 0, bench.now_ns)
         bench.run(2)
         bench.rig.inject(device, "clear", 0, 0, bench.now_ns)
