@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -79,7 +78,6 @@ _ONLY_SHOWN = (
     "--law", "laws", multiple=True, metavar="LAW",
     help="A law of another package too: package.module:NAME, or its entry point.",
 )
-@click.option("--fresh", is_flag=True, help="Remove the results in the folder first.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--strict", is_flag=True, help="Exit with 3 on a miss without a reason.")
 def reproduce(
@@ -91,7 +89,6 @@ def reproduce(
     only: tuple[str, ...],
     plant: Path | None,
     laws: tuple[str, ...],
-    fresh: bool,
     workers: int | None,
     strict: bool,
 ) -> bool:
@@ -103,8 +100,6 @@ def reproduce(
         raise click.UsageError(str(error)) from None
     if laws and modules:
         raise click.UsageError("--coverage judges no law of others: without --law")
-    if fresh:
-        _remove_own(folder)
     if modules:
         first = coverage.FIRST_SEED if first_seed is None else first_seed
         return _covered(console, folder, range(first, first + modules), only, plant, workers)
@@ -229,13 +224,6 @@ def _fingerprint(others: Iterable[Law] = ()) -> str:
     for law in others:
         digest.update(f"{law.name} {law_version(law)}".encode())
     return digest.hexdigest()[:16]
-
-
-def _remove_own(folder: Path) -> None:
-    """Remove only this command's own output from the folder."""
-    for name in (*folder.glob("seed_*"), folder / "thesis", folder / "figures"):
-        if name.is_dir():
-            shutil.rmtree(name)
 
 
 @contextmanager
