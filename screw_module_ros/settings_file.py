@@ -7,6 +7,7 @@ Files are wrong by mistake: one sentence names the file, the key and what is wro
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +79,15 @@ def load(path: str | Path, for_ros: bool = False) -> Any:
     return parse(read_text(path), str(path), for_ros)
 
 
-def read_file(path: str | Path, kind: type, form: str = "", version: int = VERSION) -> Any:
+def read_file(
+    path: str | Path, kind: type, form: str = "", version: int = VERSION,
+    renewed: Callable[[Any], Any] = lambda content: content,
+) -> Any:  # fmt: skip
     """Return a YAML file as the record `kind`.
 
     form, version: wanted values of the file's keys of these names; form is empty for a file without
-    them. Raises SettingError naming the file, the key and the problem.
+    them. renewed: makes the rest of a file of an earlier version that of this one. Raises
+    SettingError naming the file, the key and the problem.
     """
     content = load(path)
     if form and isinstance(content, dict):
@@ -93,6 +98,6 @@ def read_file(path: str | Path, kind: type, form: str = "", version: int = VERSI
                 f"{form!r} and {version} are wanted"
             )
     try:
-        return read(kind, content)
+        return read(kind, renewed(content))
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None

@@ -280,67 +280,24 @@ class GainLimits(NamedTuple):
         return ""
 
 
-class _OneLaw(NamedTuple):
-    """A file of version 2, with the limits of the law of modes 1 to 5 alone."""
+def _of_one_law(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of a file of version 2, with the limits of the law of modes 1 to 5 alone.
 
-    serial: str
-    date: str
-    law: str
-    largest_gains_on: dict[str, dict[str, float]]
-    exceeds: dict[str, dict[str, float]]
-    conditions: dict[str, Any]
-    sha256: str
-    software: str = ""
-    bench: str = ""
-    asked_for: dict[str, Any] = {}
-    delivered: dict[str, Any] = {}
-    largest_gains: dict[str, Any] = {}
-
-    @property
-    def limits(self) -> LawLimits:
-        """Return the limits of that law."""
-        return LawLimits(self.law, self.largest_gains_on, self.exceeds, self.conditions)
-
-    def flaw(self) -> str:
-        """Return what is wrong with the limits, empty if nothing is."""
-        return self.limits.flaw() or self.limits.law_flaw(THESIS)
-
-
-class _Certificate(NamedTuple):
-    """A file of version 1, which this release alone still reads; its loads are not told apart.
-
-    law: a digest of files, which says nothing of the law of another version; 0.1.0 wrote none.
+    It has them below the law's name, as a file of this version.
     """
-
-    serial: str
-    date: str
-    permitted_gains: dict[str, float]
-    conditions: dict[str, Any]
-    sha256: str
-    law: str = ""
-    software: str = ""
-    bench: str = ""
-    asked_for: dict[str, Any] = {}
-    delivered: dict[str, Any] = {}
-    largest_gains: dict[str, Any] = {}
-
-    @property
-    def limits(self) -> LawLimits:
-        """Return the limits, for no version of the law."""
-        gains = dict.fromkeys(LOADS, self.permitted_gains)
-        return LawLimits("", gains, {}, self.conditions)
-
-    def flaw(self) -> str:
-        """Return what is wrong with the limits, empty if nothing is."""
-        wrong = self.limits.flaw() or self.limits.law_flaw(THESIS)
-        return wrong.replace("largest_gains_on.hand", "permitted_gains")
+    names = {"law": "version"} | {name: name for name in LawLimits._fields[1:]}
+    limits = {now: content.pop(was) for was, now in names.items() if was in content}
+    return content | {"laws": {THESIS.name: limits}}
 
 
-def _former(path: str | Path, form: str, version: int, kind: type) -> GainLimits:
-    """Return the limits of a file of an earlier version. Raises SettingError."""
-    read = read_file(path, kind, form, version)
-    same = {name: getattr(read, name) for name in read._fields if name in GainLimits._fields}
-    return GainLimits(laws={THESIS.name: read.limits}, **same)
+def _of_certificate(content: dict[str, Any]) -> dict[str, Any]:
+    """Return that of a file of version 1, which this release alone still reads.
+
+    Its loads are not told apart. Its law, a digest of files, says nothing of the law of another
+    version; 0.1.0 wrote none.
+    """
+    gains = dict.fromkeys(LOADS, content.pop("permitted_gains", None))
+    return _of_one_law(content | {"law": "", "largest_gains_on": gains, "exceeds": {}})
 
 
 def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
@@ -350,17 +307,21 @@ def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
     key and problem: when the file cannot be read, was changed, belongs to another module or another
     version of a law of this package, or lacks gains or conditions.
     """
+    of: tuple[Any, ...] = ()
     try:
         content = load(path)
         of = (content.get("format"), content.get("version")) if isinstance(content, dict) else ()
         if of[:1] == (_OLD_FORMAT,):
-            limits = _former(path, _OLD_FORMAT, 1, _Certificate)
+            limits = read_file(path, GainLimits, _OLD_FORMAT, 1, _of_certificate)
         elif of == (FORMAT, 2):
-            limits = _former(path, FORMAT, 2, _OneLaw)
+            limits = read_file(path, GainLimits, FORMAT, 2, _of_one_law)
         else:
             limits = read_file(path, GainLimits, FORMAT, VERSION)
     except SettingError as wrong:
-        raise SettingError(f"{wrong}; restore the file as it was written, or {_AGAIN}") from None
+        told = str(wrong)
+        if of[:1] == (_OLD_FORMAT,):
+            told = told.replace(f"laws.{THESIS.name}.largest_gains_on.hand", "permitted_gains")
+        raise SettingError(f"{told}; restore the file as it was written, or {_AGAIN}") from None
     if limits.sha256 != text_checksum(read_text(path).rpartition(_CHECKSUM)[0]):
         raise SettingError(
             f"{path}: sha256: the file was changed after it was written; restore it, or {_AGAIN}"

@@ -255,7 +255,7 @@ def test_a_certificate_of_the_last_release_limits_and_permits_nothing(tmp_path, 
     [
         (("force_gain: 6", "force_gain: 9"), "sha256: the file was changed"),
         (("{force_gain: 6.28, ", "{"), "permitted_gains.force_gain is missing"),
-        (("permitted_gains", "largest_gains_on"), "largest_gains_on is unknown"),
+        (("permitted_gains", "largest_gains_on"), "permitted_gains = None: dict is wanted"),
         (("version: 1", "version: 2"), "'screw_module_ros/certificate' and 1 are wanted"),
     ],
 )
