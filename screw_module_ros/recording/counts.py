@@ -27,7 +27,7 @@ TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
 """Topics of the graph whose messages follow ticks, by type, as names can be remapped."""
 _DECIMATED = "/" + ENCODER_DECIMATED.rpartition("/")[2]  # topic of the same type at another rate
 _TICKS = [("uint32", "sequence"), ("int64", "monotonic_ns")]
-_FLAT, _HEADER = "builtin_interfaces/Time", "std_msgs/Header"
+_HEADER = "std_msgs/Header"
 _MASK = 0xFFFFFFFF
 _RESTART = 100_000  # ticks; a larger step is a restart of the counter, not a gap
 _MANY = 256  # different steps that are kept apart

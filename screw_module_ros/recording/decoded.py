@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from .bag import BagError, Topic
+from .bag import BagError, Message, Topic
 from .bag_files import files_of
-from .records import File, Record, chosen
+from .records import File, chosen
 
 
 class BagMessage(NamedTuple):
@@ -56,7 +56,7 @@ def _messages(
     remarks: list[str] | None,
     held: dict[str, Topic],
     by_index: bool = False,
-) -> Iterator[tuple[Topic, Record]]:
+) -> Iterator[tuple[Topic, Message]]:
     """Yield messages; `held` gets all topics. Raises BagError where the bag is damaged."""
     for file in map(File, files_of(path)):
         for found in file.indexed(wanted) if by_index else file.messages(wanted):

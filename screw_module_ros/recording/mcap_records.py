@@ -17,7 +17,7 @@ import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from io import BytesIO
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 import lz4.frame
 import zstandard
@@ -33,7 +33,7 @@ from mcap.records import (
     Statistics,
 )
 
-from .bag import BagError
+from .bag import BagError, Message
 
 HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _MESSAGE = struct.Struct("<HIQQ")  # channel, number, log time, publish time; the data follow
@@ -52,16 +52,6 @@ _CHUNK_HEAD = re.compile(rb"\x06(?=.{4}\0{4})", re.DOTALL)
 _ANY_HEAD = re.compile(rb"[\x05\x06](?=.{4}\0{4})", re.DOTALL)
 _BLOCK = 2**20
 _CHAIN = 8  # records in a row that are taken for no accident
-
-
-class Record(NamedTuple):
-    """A message: channel; number of its publisher; log and publish time [ns]; CDR bytes."""
-
-    channel_id: int
-    sequence: int
-    log_time: int
-    publish_time: int
-    data: bytes
 
 
 class Content:
@@ -139,7 +129,7 @@ def _read(content: Content, position: int, opcode: int, end: int) -> list[Any]:
     try:
         body = _body(content, position, end)
         if opcode == Opcode.MESSAGE:
-            return [Record._make((*_MESSAGE.unpack_from(body), body[_MESSAGE.size :]))]
+            return [_message(body, 0, len(body))]
         return [_KINDS[opcode].read(ReadDataStream(BytesIO(body)))]
     except Exception as error:  # whatever a decoder stumbles over
         return [BagError(f"a record at byte {position} is damaged: {error}")]
@@ -228,7 +218,13 @@ def _decompressed(packed: bytes, compression: str, size: int, largest: int) -> b
     return data if compression == "lz4" else zstandard.decompress(packed, size)
 
 
-def indexed(content: Content, chunk: ChunkIndex, channels: Collection[int]) -> Iterator[Record]:
+def _message(data: bytes, begin: int, end: int) -> Message:
+    """Return the message whose record has this content."""
+    channel, number, logged, sent = _MESSAGE.unpack_from(data, begin)
+    return Message(channel, logged, sent, number, data[begin + _MESSAGE.size : end])
+
+
+def indexed(content: Content, chunk: ChunkIndex, channels: Collection[int]) -> Iterator[Message]:
     """Yield the messages of channels that the index of a chunk names, in the order of the file.
 
     No other message is looked at. Raises BagError where the chunk or its index is damaged.
@@ -243,8 +239,7 @@ def indexed(content: Content, chunk: ChunkIndex, channels: Collection[int]) -> I
             places += [place for _, place in _PLACE.iter_unpack(body[_PLACES:])]
         for place in sorted(places):
             start, (_, length) = place + HEAD.size, HEAD.unpack_from(data, place)
-            values = _MESSAGE.unpack_from(data, start)
-            yield Record._make((*values, data[start + _MESSAGE.size : start + length]))
+            yield _message(data, start, start + length)
     except Exception as error:  # whatever a decompression stumbles over
         raise BagError(f"a chunk at byte {position} is damaged: {error}") from None
 
@@ -252,7 +247,7 @@ def indexed(content: Content, chunk: ChunkIndex, channels: Collection[int]) -> I
 def _inner(data: bytes) -> list[Any]:
     found: list[Any] = []
     position, end = 0, len(data)
-    head, message, start = HEAD.unpack_from, _MESSAGE.unpack_from, HEAD.size + _MESSAGE.size
+    head = HEAD.unpack_from
     try:
         while position < end:
             opcode, length = head(data, position)
@@ -260,8 +255,7 @@ def _inner(data: bytes) -> list[Any]:
             if following > end:
                 raise ValueError("it breaks off in a record")
             if opcode == Opcode.MESSAGE:
-                values = message(data, position + HEAD.size)
-                found.append(Record._make((*values, data[position + start : following])))
+                found.append(_message(data, position + HEAD.size, following))
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 body = data[position + HEAD.size : following]
                 found.append(_KINDS[opcode].read(ReadDataStream(BytesIO(body))))

@@ -27,10 +27,10 @@ from mcap.records import (
     Statistics,
 )
 
-from .bag import LIBRARY, PREFIX, BagError, Topic
+from .bag import LIBRARY, PREFIX, BagError, Message, Topic
 from .bag_files import ZSTD, files_of, information, opened
 from .definitions import UNKNOWN, Definition
-from .mcap_records import Content, Record, indexed, records
+from .mcap_records import Content, indexed, records
 
 LARGEST = 100 * 2**20
 """Largest record or uncompressed chunk that is read [B]: memory stays below ten times as much."""
@@ -89,7 +89,7 @@ class File:
         self.read = 0
         self.whole = False
         self._schemas: dict[int, Schema] = {}
-        self._undeclared: dict[int, list[Record]] = {}
+        self._undeclared: dict[int, list[Message]] = {}
         self._chunks: list[ChunkIndex] = []
         self._notes: list[int] = []
 
@@ -110,7 +110,7 @@ class File:
 
     def messages(
         self, wanted: Callable[[Topic], bool] | None = None
-    ) -> Iterator[tuple[Topic, Record]]:
+    ) -> Iterator[tuple[Topic, Message]]:
         """Yield the messages of every whole record, those of one topic in the order of the file.
 
         wanted: whether to yield those of a topic, all by default.
@@ -120,11 +120,11 @@ class File:
                 self._problem("its first bytes are not those of MCAP")
             self._read_index(content)
             for found in records(content, len(_MAGIC), _DATA, self.topics.__contains__):
-                if isinstance(found, Record):
+                if isinstance(found, Message):
                     self.read += 1
-                    topic = self.topics.get(found.channel_id)
+                    topic = self.topics.get(found.channel)
                     if topic is None:
-                        self._undeclared.setdefault(found.channel_id, []).append(found)
+                        self._undeclared.setdefault(found.channel, []).append(found)
                     elif wanted is None or wanted(topic):
                         yield topic, _plain(found)
                 elif isinstance(found, Channel):
@@ -141,7 +141,7 @@ class File:
 
     def indexed(
         self, wanted: Callable[[Topic], bool] | None = None
-    ) -> Iterator[tuple[Topic, Record]]:
+    ) -> Iterator[tuple[Topic, Message]]:
         """Yield messages as `messages` does; the index tells where they are, if it is whole.
 
         Nothing else is read, so nothing else is found damaged, and no message is counted. Files of
@@ -157,7 +157,7 @@ class File:
                 if named := channels & chunk.message_index_offsets.keys():
                     try:
                         for found in indexed(content, chunk, named):
-                            yield self.topics[found.channel_id], _plain(found)
+                            yield self.topics[found.channel], _plain(found)
                     except BagError as error:
                         self._problem(str(error))
 
@@ -251,7 +251,7 @@ def _offered(text: str) -> tuple[dict[str, Any], ...]:
     return tuple(each for each in listed if isinstance(each, dict))
 
 
-def _plain(message: Record) -> Record:
+def _plain(message: Message) -> Message:
     """Return a message as it was published: rosbag2 can compress each one by itself.
 
     CDR begins with a zero, so that the content tells.

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .bag import METADATA_FILE, RECOVERED, Bag, BagError, Message
+from .bag import METADATA_FILE, RECOVERED, Bag, BagError
 from .bag_files import files_of, information, name_of
 from .records import File, noted
 
@@ -49,9 +49,7 @@ def recover(bag: Path | str, out: Path | str | None = None) -> Recovered:
             for topic, message in file.messages():
                 if topic.name not in channels:
                     channels[topic.name] = copy.add_topic(topic)
-                times = message.log_time, message.publish_time
-                channel = channels[topic.name]
-                copy.write([Message(channel, *times, message.sequence, message.data)])
+                copy.write([message._replace(channel=channels[topic.name])])
                 if copy.held_reason:  # what waits for room would fill the memory
                     raise BagError(f"the copy cannot be written: {copy.held_reason}")
             for topic in file.topics.values():

@@ -114,7 +114,7 @@ def test_messages_that_no_declaration_belongs_to_are_counted(tmp_path):
             writer.add_message(channel, 1, bytes(8), 1)
         writer.finish()
     file = File(path)
-    assert [message.channel_id for _, message in file.messages()] == [known, known]
+    assert [message.channel for _, message in file.messages()] == [known, known]
     assert "2 messages of topics whose declaration is damaged" in file.problems[-1]
 
 
