@@ -292,10 +292,6 @@ class CanopenDevice(SimulatedDevice):
 
     # Faults.
 
-    def leave_bus(self, _size: float) -> None:
-        """Lose the bus, as a CAN controller with too many errors does."""
-        self.link.start(OFF_BUS)
-
     def return_to_bus(self) -> None:
         """Recover from bus-off."""
         self.link.end(OFF_BUS)

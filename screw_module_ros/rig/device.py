@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 
 from screw_module_ros.rig.faults import CABLE, SIZE, Fault
-from screw_module_ros.rig.link import Link
+from screw_module_ros.rig.link import OFF_BUS, Link
 from screw_module_ros.settings import shown
 
 CLEAR = "clear"
@@ -44,6 +44,10 @@ class SimulatedDevice:
 
     def refresh(self) -> None:
         """React to an attribute that a fault has changed."""
+
+    def leave_bus(self, _size: float) -> None:
+        """Lose the bus, as a CAN controller with too many errors does."""
+        self.link.start(OFF_BUS)
 
     def announce(self, name: str, size: float, duration: float) -> str:
         """Return what `inject` will do. Raises ValueError with the problem and the known faults."""
