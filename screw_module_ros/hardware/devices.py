@@ -231,8 +231,8 @@ def directions(
     until_ns = clock.now_ns() + round(seconds * 1e9)
     try:
         while clock.now_ns() < until_ns:
-            heights.append(_signed(encoder.sdo.unsigned(0x6004)) * encoder.step)
-            places.append(_signed(drive.sdo.unsigned(0x6064)) * drive.step)
+            heights.append(encoder.sdo.signed(0x6004) * encoder.step)
+            places.append(drive.sdo.signed(0x6064) * drive.step)
             clock.sleep(_READ_S)
     except DeviceError as error:
         return [Finding("directions", str(error), "two positions", "see the lines above")]
@@ -262,10 +262,6 @@ def _together(risen: float, followed: float) -> Finding:
     elif abs(risen - followed) > _SAME * max(abs(risen), abs(followed)):
         todo = "counts_per_turn of encoder or amplifier, or the lead, is wrong; or one is stuck"
     return Finding("encoder and drive", found, "the same motion", todo)
-
-
-def _signed(count: int) -> int:
-    return count - (1 << 32) if count >= 1 << 31 else count
 
 
 def sampled(
