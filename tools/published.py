@@ -2,10 +2,13 @@
 """The figures that README and pages quote, from the runs that found them.
 
     tools/run python tools/published.py --demo demo_output/DATE --reproduction reproduction_output
+    tools/run python tools/published.py --study study_output --write
 
 fails if a run says otherwise than `docs/published.yaml`; with --write it renews that file, the
 figure of README and the paragraphs that quote it, which stand between `<!-- published: NAME -->`
-and `<!-- end -->`. `test/tools/test_published.py` compares the paragraphs with the file.
+and `<!-- end -->`. `test/tools/test_published.py` compares the paragraphs with the file. The tables
+of a run of `study` are kept in the page itself, between `<!-- study: NAME -->` and `<!-- end -->`;
+the run's own words say which they are, and its figures go beside the page.
 """
 
 from __future__ import annotations
@@ -34,6 +37,8 @@ PAGES = ("README.md", "docs/limits.md", "docs/characterization.md", "docs/perfor
 _HEAD = (
     "# What README and pages quote: from the runs, by tools/published.py --write. Do not edit.\n"
 )
+STUDIES = ROOT / "docs/studies.md"
+_CALLED = re.compile(r"`study((?: --(?:plane|support|impedance))*)[^`]*`")
 _BLOCK = re.compile(r"(<!-- published: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _WIDTH = 140
 
@@ -174,6 +179,31 @@ def rendered(page: str, kept: dict[str, Any]) -> str:
     )
 
 
+def study_name(text: str) -> str:
+    """Return the name of the block for the text of a run of `study`, by the words of its call.
+
+    Raises ValueError for a text that names none, and for a run of other laws or single cases.
+    """
+    called = _CALLED.search(text)
+    if not called or "--law" in called[0]:
+        raise ValueError("study.md names no run of the shipped laws: run `study` again")
+    return called[1].replace(" --", " ").strip() or "vertical"
+
+
+def with_study(page: str, text: str) -> str:
+    """Return the page with the tables of a run of `study` in their block.
+
+    Raises ValueError as `study_name`, and where the page has no such block.
+    """
+    name = study_name(text)
+    block = re.compile(rf"(<!-- study: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    if not block.search(page):
+        raise ValueError(f"{STUDIES.name} has no block `<!-- study: {name} -->`")
+    body = re.sub(r"^# Study\n\n", "", text).replace("\n## ", "\n**").strip()
+    body = re.sub(r"^(\*\*Family .*)$", r"\1**", body, flags=re.MULTILINE)
+    return block.sub(lambda found: f"{found[1]}{body}\n{found[2]}", page)
+
+
 def differences(kept: dict[str, Any], found: dict[str, Any]) -> list[str]:
     """Return what a run says otherwise, section by section."""
     return [
@@ -190,8 +220,11 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.command()
 @click.option("--demo", type=_FOLDER, help="Folder of a run of the demo.")
 @click.option("--reproduction", type=_FOLDER, help="Folder of a whole run of `reproduce`.")
+@click.option("--study", "studies", multiple=True, type=_FOLDER, help="Folder of a run of `study`.")
 @click.option("--write", is_flag=True, help="Renew the file, the figure and the paragraphs.")
-def main(demo: Path | None, reproduction: Path | None, write: bool) -> None:
+def main(
+    demo: Path | None, reproduction: Path | None, studies: tuple[Path, ...], write: bool
+) -> None:
     """Compare runs with what README and pages quote, or renew it."""
     kept = yaml.safe_load(KEPT.read_text("utf-8")) if KEPT.exists() else {}
     found: dict[str, Any] = {}
@@ -199,10 +232,18 @@ def main(demo: Path | None, reproduction: Path | None, write: bool) -> None:
         found["demo"] = of_demo(demo)
     if reproduction:
         found["reproduction"] = of_reproduction(reproduction)
+    page = before = STUDIES.read_text("utf-8")
+    for folder in studies:
+        page = with_study(page, (folder / "study.md").read_text("utf-8"))
     if not write:
-        if told := differences(kept, found):
+        told = differences(kept, found)
+        told += ["docs/studies.md has other tables of the study"] if page != before else []
+        if told:
             sys.exit("\n".join([*told, "To renew: the same command with --write"]))
         return
+    STUDIES.write_text(page, "utf-8")
+    for picture in (picture for folder in studies for picture in folder.glob("*.png")):
+        shutil.copyfile(picture, STUDIES.parent / f"impedance_{picture.name}")
     kept |= found
     KEPT.write_text(
         _HEAD + yaml.safe_dump(kept, sort_keys=False, allow_unicode=True), encoding="utf-8"

@@ -6,9 +6,9 @@ friction, and with the guard as it is shipped: `study --impedance`.
 
 - A firm hand moves the handle in sines. Its force over the handle's velocity is the impedance
   delivered, Z; asked for is B + K / (j w).
-- Z-width (colgatebrown1994): with each damper B the stiffest spring up to which all springs of a
-  ladder are held by the rig's hand, and let go, without an oscillation that lasts. *Kept*: and
-  without the guard, which leaves more than half of the gain.
+- Z-width (colgatebrown1994): for two dampers B and three loads the stiffest spring up to which all
+  springs of a ladder are held, and let go, without an oscillation that lasts. *Kept*: and the guard
+  leaves more than half of the gain.
 """
 
 from __future__ import annotations
@@ -22,15 +22,20 @@ from matplotlib.figure import Figure
 
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
-from ..plant.patient import HandPath
+from ..plant.patient import RIGID, HandPath, resting
 from .figures import COLOURS, DESIRED, panels
+from .force_error import wall
 from .force_metric import apparent_mass, first_harmonic, lasting
-from .rigs import Kind, Rig, drawn, drawn_plane, plane_law
+from .rigs import Kind, Rig, drawn, drawn_plane
 from .stand import SimulatedStand
 from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, Samples
 
 FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # [Hz]
-DAMPERS = (0.0, 20.0, 100.0)  # [Ns/m]; a law has at least what it needs
+DAMPERS = (0.0, 100.0)  # [Ns/m]; a law has at least what it needs
+LOADS: dict[str, Arm | None] = {
+    "hand": None, "arm of 30 kg": Arm(30.0, 300.0, 30.0), "wall": wall(1e5, 0.1),
+}  # fmt: skip
+"""What holds the handle: the rig's hand, a heavy arm, a wall of 1e5 N/m."""
 SPRINGS = (30.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0)  # [N/m] the ladder
 SPRING = 100.0  # [N/m] of the sines
 CALM, STILL, KEPT = 0.5, 1e-3, 0.5
@@ -43,10 +48,12 @@ _CENTRE, _PUSH, _FAR = 0.18, 15.0, 0.02  # where [m]; how hard [N] and far [m] a
 _LESS = 0.9
 _LET_GO, _END, _SECOND = 2.5, 5.0, 1.0  # [s] of a trial of a spring
 _SINES = {f"{hertz:g} Hz": hertz for hertz in FREQUENCIES}
-_DAMPED = {f"damper {damper:g} Ns/m": damper for damper in DAMPERS}
+_HELD = {
+    f"{load}, damper {damper:g} Ns/m": (load, damper) for load in LOADS for damper in DAMPERS
+}
 CASES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(_SINES, ("apart", "resistance", "mass")),
-    **dict.fromkeys(_DAMPED, ("stiffest", "kept")),
+    **dict.fromkeys(_HELD, ("stiffest", "kept")),
 }
 """Figures of each case."""
 Did = tuple[Samples, float, float]
@@ -69,8 +76,8 @@ def measured(
         motion = MotionTrial(
             kind.mode, law, arm=arm, centre=_CENTRE, duration=seconds, released_after=released
         )
-        before = HandPath(_CENTRE, _CENTRE, 0.0, 0.0, 0.0, 0.0, 0.0)
-        found = stand.record(HandTrial(motion, before, at, rig.grip), lambda share: None)
+        grip = rig.grip if arm.mass else RIGID
+        found = stand.record(HandTrial(motion, resting(_CENTRE), at, grip), lambda share: None)
         return found, law.stiffness, law.damping
 
     return _found(rig, name, does, _CENTRE)
@@ -85,10 +92,11 @@ def measured_plane(family: str, seed: int, kind: Kind, name: str) -> dict[str, f
         spring: float, damper: float, arm: Arm, path: HandPath, seconds: float, released: float
     ) -> Did:
         most = min(spring, 2000.0)
-        law = plane_law(kind, PlanarSettings(stiffness=most, damping=damper))
+        law = rig.plane_law(kind, PlanarSettings(stiffness=most, damping=damper))
         trial = PlanarTrial(
             law, arm=arm, direction=rig.direction, path=path, duration=seconds,
-            released_after=released, centre=rig.centre, grip=rig.grip, loop=rig.loop,
+            released_after=released, centre=rig.centre, loop=rig.loop,
+            grip=rig.grip if arm.mass else RIGID,
         )  # fmt: skip
         found = SimulatedStand(rig.world, seed=seed).record(trial, lambda share: None)
         one = {
@@ -104,7 +112,8 @@ def measured_plane(family: str, seed: int, kind: Kind, name: str) -> dict[str, f
 def _found(rig: Rig, name: str, does: Callable[..., Did], centre: float) -> dict[str, float]:
     if name in _SINES:
         return _delivered(_SINES[name], does)
-    return _width(_DAMPED[name], rig, does, centre)
+    load, damper = _HELD[name]
+    return _width(damper, LOADS[load] or rig.hand, does, centre)
 
 
 def _delivered(hertz: float, does: Callable[..., Did]) -> dict[str, float]:
@@ -123,14 +132,14 @@ def _delivered(hertz: float, does: Callable[..., Did]) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _width(damper: float, rig: Rig, does: Callable[..., Did], centre: float) -> dict[str, float]:
+def _width(damper: float, arm: Arm, does: Callable[..., Did], centre: float) -> dict[str, float]:
     """Return the stiffest spring of the ladder up to which all are stable, and with the gain."""
     stiffest = kept = 0.0
     share = 1.0
     for spring in SPRINGS:
         way = min(_FAR, _PUSH / spring)
         path = HandPath(0.0, way, 0.0, 0.3, 0.0, 0.0, 0.0)
-        samples, asked, used = does(spring, damper, rig.hand, path, _END, _LET_GO)
+        samples, asked, used = does(spring, damper, arm, path, _END, _LET_GO)
         share = min(share, _rests(samples, asked, used, centre))
         if asked < spring or share < 0.0:
             break
@@ -167,17 +176,19 @@ def draw(found: dict[str, Any], kind: Kind, families: dict[str, str]) -> Figure:
         left.fill_between(FREQUENCIES, np.nanmin(sizes, axis=1), np.nanmax(sizes, axis=1),
                           color=colour, alpha=0.15, linewidth=0.0)  # fmt: skip
         for part, dash, said in (("stiffest", "-", "stable"), ("kept", ":", "with its gain")):
-            springs = np.maximum(_values(of, _DAMPED, part, kind), 10.0)
-            at = range(len(DAMPERS))
+            springs = np.maximum(_values(of, _HELD, part, kind), 10.0)
+            at = range(len(_HELD))
             right.plot(at, np.median(springs, axis=1), f"o{dash}", color=colour, ms=4,
                        label=f"{text}, {said}")  # fmt: skip
-            right.plot(at, springs.min(axis=1), f"v{dash}", color=colour, ms=4, mfc="none", lw=0.6)
+            right.plot(at, springs.min(axis=1), f"v{dash}", color=colour, ms=6, mfc="none", lw=0.6)
     left.set(xscale="log", yscale="log", xlabel="frequency [Hz]", title="|Z| at the handle [Ns/m]")
     left.set_xticks(FREQUENCIES, [f"{hertz:g}" for hertz in FREQUENCIES])
     left.minorticks_off()
-    right.set(yscale="log", xlabel="damper asked for [Ns/m]", title="Stiffest stable spring [N/m]",
-              ylim=(8.0, 7e3))  # fmt: skip
-    right.set_xticks(range(len(DAMPERS)), [f"{damper:g}" for damper in DAMPERS])
+    right.set(yscale="log", xlabel="load, and damper asked for [Ns/m]", ylim=(8.0, 7e3),
+              title="Stiffest stable spring [N/m]; lowest: none")  # fmt: skip
+    right.set_xticks(range(len(_HELD)), [
+        f"{load}\n{damper:g}".replace(" of ", "\nof ") for load, damper in _HELD.values()
+    ])  # fmt: skip
     left.legend()
     right.legend(fontsize=8)
     figure.suptitle(

@@ -1,31 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force error in the plane, with and without force feedback. Ours: the thesis has none.
+"""Trials of the plane and the force error in them. Ours: the thesis has none.
 
 The error is what the hand feels beyond the spring and damper asked for, its true force less
 K x + B v of the true handle, over all samples as in `force_error`: in slow, fast and small motion,
 reaching, holding still, letting go, with an arm of 30 kg, a tremor, and on walls. The command
-`study` has the same trials on rigs drawn by seed.
+`study --plane` has them on rigs drawn by seed, with and without force feedback.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
+from ..control.planar_settings import PlanarSettings
 from ..plant.patient import HandPath
-from ..settings import Setting
-from .figures import error_map
 from .force_error import WALLS, wall
 from .force_metric import ErrorOf, judged
-from .lab import Lab, Part
-from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
+from .lab import Part
 from .trials import Arm, PlanarTrial, Samples
 
-NAME = "planar_error"
-KINDS = ("none", "feedback")
 _HEAVY = Arm(30.0, 300.0, 30.0)
 _WALL_MASS = 6.5  # module and arm, for the damping ratio of a wall [kg]
 _ALONG_Y = 0.5 * math.pi
@@ -94,61 +89,10 @@ CASES = {
 }  # fmt: skip
 
 
-class Settings(NamedTuple):
-    """With and without feedback, and in which trials."""
-
-    kinds: Annotated[tuple[str, ...], Setting("force feedback", choices=KINDS)] = KINDS
-    cases: Annotated[
-        tuple[str, ...], Setting("trials by name", choices=tuple(CASES))
-    ] = tuple(CASES)
-    damping: Annotated[float, Setting("of the damper", "Ns/m", 0.0, 200.0)] = 10.0
-
-
-def run(lab: Lab, settings: Settings) -> Result:
-    """Measure every case with and without feedback.
-
-    Raises NotPossible on a real robot, Cancelled.
-    """
-    trials = {
-        (kind, case): trial_of(case, law_of(settings, kind))
-        for kind in settings.kinds
-        for case in settings.cases
-    }
-    named = {"_".join(key): trial for key, trial in trials.items()}
-    parts = lab.record(NAME, named, reduced)
-    found = {key: error_of(parts["_".join(key)]) for key in trials}
-    quantities = [
-        Quantity(f"rms_{kind}_{name}", error.rms, math.nan, "N",
-                 f"rms error, feedback: {kind}, {CASES[name].text}")
-        for (kind, name), error in found.items()
-    ]  # fmt: skip
-    if {(kind, "fast_x") for kind in KINDS} <= set(found):
-        ratio = found["none", "fast_x"].rms / found["feedback", "fast_x"].rms
-        text = "rms error in fast motion along x, without over with feedback"
-        quantities.append(Quantity("gain_fast_x", ratio, math.nan, "", text))
-    data = {"_".join(key): np.array(error) for key, error in found.items()}
-    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
-
-
-_NOTES = (
-    "Error: the patient's true force in the plane less K x + B v of the true handle, both axes "
-    "together, over all samples. Data of each trial as in force_error; travel, swing and shaking "
-    "are those of the worse axis.",
-    "500 samples per second, 0.7 ms from a sample to its torque, filters and counts as in `manus`; "
-    "buses and processes are left out.",
-)
-
-
-def law_of(settings: Settings, kind: str) -> PlanarSettings:
-    """Return the planar law's numbers, with or without feedback (`KINDS`)."""
-    law = PlanarSettings(damping=settings.damping, force_gain=STUDIED_GAIN)
-    return law if kind == "feedback" else law._replace(force_gain=0.0)
-
-
-def trial_of(case: str, law: PlanarSettings) -> PlanarTrial:
-    """Return one of `CASES` with a law, whose spring is that of the case."""
+def trial_of(case: str, gain: float) -> PlanarTrial:
+    """Return one of `CASES` with a force gain, and with the spring of the case."""
     trial = CASES[case].trial
-    return trial._replace(settings=law._replace(stiffness=trial.settings.stiffness))
+    return trial._replace(settings=trial.settings._replace(force_gain=gain))
 
 
 def error_of(part: Part) -> ErrorOf:
@@ -174,22 +118,3 @@ def reduced(trial: PlanarTrial, samples: Samples) -> Part:
         )])
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip
-
-
-def draw(result: Result) -> Drawn:
-    """Draw the rms error of every trial with and without feedback as a map."""
-    cases = list(result.settings["cases"])
-    rows = {
-        ("force feedback" if kind == "feedback" else "no force feedback"): [
-            result.value(f"rms_{kind}_{case}") for case in cases
-        ]
-        for kind in result.settings["kinds"]
-    }
-    title = "Force beyond the impedance, in the plane, all samples"
-    return {"planar error": error_map(rows, cases, title)}
-
-
-EXPERIMENT = Experiment(
-    NAME, "force error in the plane, with and without force feedback",
-    Settings, run, draw, HUMAN_ARM,
-)  # fmt: skip

@@ -17,9 +17,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from matplotlib.ticker import NullLocator
 
+from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..plant.patient import HandPath
 from ..settings import Setting
-from . import planar_error
 from .figures import COLOURS, DESIRED, panels
 from .force_metric import apparent_mass, first_harmonic, friction_felt
 from .lab import Lab, Part
@@ -39,7 +39,7 @@ STIFF = 1e6
 
 
 class Case(NamedTuple):
-    """One way to measure. text; kind: as in `planar_error`; arm; structure: 0 = the rig's [N/m]."""
+    """One way to measure. text; kind: none or feedback; arm; structure: 0 = the rig's [N/m]."""
 
     text: str
     kind: str
@@ -119,7 +119,7 @@ _NOTES = (
     "swing on the hand's 4000 N/m, which takes energy from the motion along it. With feedback the "
     "guard takes a fast sine for an oscillation: a damper of its own, and less gain.",
     "In the figure: 0, 45, 90 and 135 degrees solid, dashed, dotted, and dotted and dashed.",
-    "500 samples per second and 0.7 ms from a sample to its torque, as in `planar_error`.",
+    "500 samples per second and 0.7 ms from a sample to its torque, as in `study --plane`.",
 )
 
 
@@ -132,7 +132,9 @@ def _sine(settings: Settings, frequency: float) -> tuple[float, float]:
 def _trial(settings: Settings, case: str, direction: float, frequency: float) -> PlanarTrial:
     amplitude, omega = _sine(settings, frequency)
     _, kind, arm, structure = CASES[case]
-    law = planar_error.law_of(planar_error.Settings(damping=settings.damping), kind)
+    law = PlanarSettings(
+        damping=settings.damping, force_gain=STUDIED_GAIN if kind == "feedback" else 0.0
+    )
     return PlanarTrial(
         law._replace(stiffness=settings.stiffness), arm=arm, direction=direction,
         structure_stiffness=structure,

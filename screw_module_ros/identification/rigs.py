@@ -12,6 +12,7 @@ the values that it had before.
 
 from __future__ import annotations
 
+import functools
 import math
 import random
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from ..plant import planar
 from ..plant.patient import RIGID, ArmForce, soft_grip
 from ..plant.settings import WorldSettings, load_world
 from .force_error import with_damping
+from .planar_sampled_loop import Plane, largest_gain
+from .stability import ENVIRONMENTS
 from .stand import LoopSettings
 from .trials import Arm, PlaneLoop
 
@@ -39,7 +42,7 @@ class Kind(NamedTuple):
     """What is studied on every rig: a column of the table.
 
     name: its head; mode: of the vertical axis, in the plane 0 without force feedback; knows: empty,
-    `DELAY` or `MODULE`.
+    `DELAY` or `MODULE`, in the plane what its gain limits say.
     """
 
     name: str
@@ -81,10 +84,21 @@ class Rig(NamedTuple):
             asked = asked.calibrated(module.moving_mass * module.gravity, mass, self.delay)
         return with_damping(asked, kind.mode)
 
+    def plane_law(self, kind: Kind, asked: PlanarSettings) -> PlanarSettings:
+        """Return the settings of the plane with an impedance, as a kind knows the rig.
 
-def plane_law(kind: Kind, asked: PlanarSettings) -> PlanarSettings:
-    """Return the settings of the plane with an impedance."""
-    return asked._replace(force_gain=STUDIED_GAIN if kind.mode else 0.0)
+        One that knows it has the largest gain that is stable with an arm of 30 kg, 9 at most.
+        """
+        gain = STUDIED_GAIN if kind.mode else 0.0
+        if kind.knows:
+            gain = min(gain, _borne(self.world.planar, self.loop, asked.damping))
+        return asked._replace(force_gain=gain)
+
+
+@functools.lru_cache(maxsize=256)
+def _borne(robot: planar.Planar, loop: PlaneLoop, damping: float) -> float:
+    heavy = Plane(robot, ENVIRONMENTS["heavy_arm"][1])
+    return largest_gain(heavy, loop, PlanarSettings(damping=damping))
 
 
 def drawn(family: str, seed: int) -> Rig:

@@ -65,7 +65,6 @@ from .rigs import (
     Rig,
     drawn,
     drawn_plane,
-    plane_law,
 )
 from .stand import SimulatedStand
 from .trials import Arm, HandTrial, MotionTrial, PlanarTrial
@@ -269,7 +268,7 @@ def measured_plane(family: str, seed: int, kind: Kind, name: str) -> dict[str, f
     rig, case = drawn_plane(family, seed), PLANAR_CASES[name]
     asked = PlanarSettings(stiffness=case.trial.settings.stiffness)
     trial = case.trial._replace(
-        settings=plane_law(kind, asked), loop=rig.loop, centre=rig.centre,
+        settings=rig.plane_law(kind, asked), loop=rig.loop, centre=rig.centre,
         direction=rig.direction,
     )  # fmt: skip
     if name == "spastic":  # his flexors pull along y alone
@@ -380,7 +379,7 @@ def delivered(laws: tuple[str, ...] = (), plane: bool = False) -> Subject:
 
 
 PLANE = Subject(
-    (Kind("no feedback", 0), Kind("feedback", 1)),
+    (Kind("no feedback", 0), Kind("feedback", 1), Kind("feedback, within its limits", 1, MODULE)),
     {name: tuple(case.figures.split()) for name, case in PLANAR_CASES.items()},
     measured_plane,
 )

@@ -93,8 +93,6 @@ REFUSED = [
     ("inertia", {}, "friction_model is missing"),
     ("force_position", {"curves": ("pd",)}, "'pd': one of 'pd_100'"),
     ("force_error", {"cases": ("smal",)}, "'smal': one of 'slow'"),
-    ("planar_error", {"cases": ("fst",)}, "'fst': one of 'slow_x'"),
-    ("planar_error", {"kinds": ("all",)}, "'all': one of 'none'"),
     ("planar_stability", {"amplitude": 40.0}, "amplitude = 40"),
     ("planar_stability", {"first_mode": 0.0}, "first_mode = 0"),
     ("robustness", {}, "gravity is missing"),

@@ -14,7 +14,6 @@ ON_THE_MODULE = {
     "force_position": {"cycles": 1.0},
     "force_gain": {"gains": (0.0, 20.0), "resolution": 5.0, "duration": 4.0},
     "force_error": {"cases": ("small",)},
-    "planar_error": {"cases": ("small",)},
     "planar_stability": {"seconds": 20.0},
     "delivered_impedance": {"frequencies": (1.0, 8.0)},
     "compensation": {"cycles": 1.0},

@@ -6,14 +6,9 @@ from statistics import median
 
 import pytest
 
+from screw_module_ros.control.planar_settings import STUDIED_GAIN
 from screw_module_ros.identification import study
-from screw_module_ros.identification.planar_error import (
-    Settings,
-    error_of,
-    law_of,
-    reduced,
-    trial_of,
-)
+from screw_module_ros.identification.planar_error import error_of, reduced, trial_of
 from screw_module_ros.identification.rigs import Kind, drawn_plane
 from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.identification.trials import Arm
@@ -34,7 +29,8 @@ def quietly(share):
 
 
 def found(stand, kind, case, **more):
-    trial = trial_of(case, law_of(Settings(), kind))._replace(**more)
+    gain = STUDIED_GAIN if kind == "feedback" else 0.0
+    trial = trial_of(case, gain)._replace(**more)
     return error_of(reduced(trial, stand.record(trial, quietly)))
 
 
@@ -86,7 +82,7 @@ def test_a_handle_at_rest_stays_there(module, case, friction, mass):
 
 def test_a_soft_grip_carries_the_same_force_at_rest(stand):
     """Between handle and arm there is nothing else: the spring's 5 N arrive."""
-    trial = trial_of("holding", law_of(Settings(), "feedback"))
+    trial = trial_of("holding", STUDIED_GAIN)
     samples = stand.record(trial._replace(grip=soft_grip(5000.0, 60.0, 0.4)), quietly)
     wanted = trial.settings.stiffness * samples.handle[-1]
     assert samples.true_force[-1] == pytest.approx(wanted, abs=0.5)
@@ -114,7 +110,7 @@ def test_a_hand_of_1_m_s_is_braked_before_the_joints_stop(monkeypatch, inertia, 
 
 
 def test_samples_have_two_columns_and_the_hand_lets_go(stand):
-    trial = trial_of("released", law_of(Settings(), "none"))
+    trial = trial_of("released", 0.0)
     samples = stand.record(trial, quietly)
     assert samples.handle.shape == (len(samples.time), 2)
     held = round(trial.released_after / (samples.time[1] - samples.time[0]))

@@ -64,3 +64,38 @@ def test_a_new_run_changes_the_paragraph_alone(tmp_path):
     assert found.startswith("before\n<!-- published: demo -->\n*`make demo`")
     assert found.endswith("*\n<!-- end -->\nafter\n") and "outdated" not in found
     assert published.rendered(found, kept) == found
+
+
+STUDY = """# Study
+
+Rigs 5 to 6 of each family: 4 trials in 1 s: `study --plane --impedance --rigs 2 --first-seed 5`.
+
+## Family A, rigid hand: median / worst
+
+| case | figure |
+|---|---|
+| 2 Hz | 0.5 / 0.7 |
+"""
+
+
+def test_the_tables_of_a_study_go_into_their_block_alone():
+    blocks = ("plane -->\nkept", "plane impedance -->\nold")
+    page = "".join(f"a\n<!-- study: {block}\n<!-- end -->\n" for block in blocks)
+    assert published.study_name(STUDY) == "plane impedance"
+    found = published.with_study(page, STUDY)
+    assert "kept" in found and "old" not in found and "| 2 Hz | 0.5 / 0.7 |" in found
+    assert "**Family A, rigid hand: median / worst**" in found
+    assert published.with_study(found, STUDY) == found
+    with pytest.raises(ValueError, match="no block"):
+        published.with_study("nothing", STUDY)
+    with pytest.raises(ValueError, match="no run of the shipped laws"):
+        published.study_name("`study --law a.b:C --rigs 2`")
+
+
+def test_a_block_of_the_studies_is_what_its_run_says():
+    """Each has the run that found it: command, seeds and time."""
+    page = published.STUDIES.read_text("utf-8")
+    blocks = dict(re.findall(r"<!-- study: ([\w ]+) -->\n(.*?)<!-- end -->", page, re.DOTALL))
+    for name, text in blocks.items():
+        assert published.study_name(text) == name
+        assert "of each family: " in text and "Family B, soft grip" in text
