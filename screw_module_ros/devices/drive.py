@@ -249,8 +249,8 @@ class Drive(DriveReports):
         )  # fmt: skip
 
     def _check_torque(self, state: State, now_ns: int) -> None:
-        given = self.reading
-        if state is not State.OPERATION_ENABLED or given is None:
+        given, brakes = self.reading, self.logic.leaving and self.brakes  # 2 s at most, or a fault
+        if state is not State.OPERATION_ENABLED or given is None or brakes:
             self._excess.restart()
         elif self._excess.check(self._asked, given.torque, now_ns):
             self.logic.latch(

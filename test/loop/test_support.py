@@ -11,6 +11,7 @@ import pytest
 from screw_module_ros.control import modes
 from screw_module_ros.control.laws import LAWS
 from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.plant.patient import ArmSettings
 from screw_module_ros.trials.one_thread import OneThreadRobot
 
@@ -124,6 +125,23 @@ def test_a_hanging_arm_sinks_without_it_and_floats_with_it(made):
     assert way < -0.1
     way, force = rests(made(), WEIGHT, WEIGHT)
     assert abs(way) < 0.01 and force == pytest.approx(-WEIGHT, abs=0.5)
+
+
+@pytest.mark.long
+def test_a_drive_that_brakes_under_an_arm_is_enabled_again(made):
+    """The 0.06 Nm that it gives under 20 N while it brakes were excess torque after 60 ms."""
+    robot = made()
+    rests(robot, WEIGHT, WEIGHT)
+    robot.disable()
+    robot.ticks(100)
+    assert robot.world.vertical_braked and robot.drive.reading.torque > 0.04
+    with pytest.raises(NotNow, match="still being disabled"):
+        robot.drive.request_enable()
+    robot.ticks(1500)
+    assert robot.drive.fault == ""
+    assert robot.enable() == ""
+    robot.seconds(0.6)
+    assert robot.world.vertical_powered and robot.drive.fault == ""
 
 
 @pytest.mark.long
