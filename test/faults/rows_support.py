@@ -10,7 +10,7 @@ import os
 import signal
 from functools import partial
 
-from acts import both, called, cured, fault, published, reconfigured
+from acts import both, called, cured, fault, published, reconfigured, refused
 from hand import MARK
 from record import LARGEST_STEP, largest_step
 from row import (
@@ -198,6 +198,25 @@ def _falls(robot, cause: Act, least: float, most: float) -> float:
     return begin
 
 
+def _tared(robot) -> float:
+    """Tare while an arm is carried, and again once it lies on the handle without torque.
+
+    Check that both are refused, and that neither support nor hand feel the first.
+    """
+    _carried(robot, WEIGHT)
+    begin = robot.time
+    refused(TARE, said="is enabled and would jump")(robot)
+    robot.pause(_SOON_S)
+    step = largest_step(robot.record.since(begin))
+    assert step <= LARGEST_STEP, f"a step of {step:.1f} N on the patient's hand"
+    assert _in_use(robot, WEIGHT)
+    begin = called("supervisor/estop")(robot)
+    robot.until(begin + _LATER_S)
+    robot.wait_until(lambda: robot.hand.at_rest, 5.0, "the arm does not come to rest")
+    refused(TARE, said="let the handle go")(robot)
+    return begin
+
+
 def _hand_off(mode: int, support: float) -> Row:
     what = "carries an arm of 20 N" if support > 0.0 else "presses down with 20 N"
     return goes_on(
@@ -253,6 +272,12 @@ ROWS = [
     goes_on(
         "support-wrong-mode", GROUP, "support is asked for in a mode that feeds no force back",
         _refused, "controller: support_limit is 0", mode=IMPEDANCE, watch=1.2,
+    ),
+    Row(
+        "support-tare-with-arm", GROUP, "tare asked for while an arm is carried, and again after a "
+        "software stop, while it lies on the handle: both are refused", _tared, _ESTOP,
+        (TARE, *MISSED), "supervisor; force_sensor refuses", BY_SERVICE, BY_SERVICE,
+        FORCE_FEEDBACK, mend=lambda robot: robot.hand.set_up(), watch=0.3,
     ),
     _torque_off("coast", 0.120, 0.180, BY_SERVICE),
     _torque_off("brake", 0.004, 0.012, _RAMP),
