@@ -36,7 +36,7 @@ from screw_module_ros.plant.patient import (
 )
 from screw_module_ros.plant.settings import patients
 from screw_module_ros.therapy.hand import PLANE, HandSample
-from screw_module_ros.therapy.protocol import Protocol
+from screw_module_ros.therapy.protocol import CIRCLE, Protocol
 from screw_module_ros.therapy.recorded import Act, Recorded
 from screw_module_ros.therapy.session import Session, State
 from screw_module_ros.therapy.trial import Phase
@@ -79,7 +79,7 @@ def person(name: str) -> Person:
 
 class Robot(NamedTuple):
     """mass at the handle [kg]; friction [N]; hold: of an axis that the protocol does not use [N/m];
-    support: upward on the hand [N]."""
+    support: upward on the hand [N], in a block that asks for none."""
 
     mass: float = ROBOT_MASS
     friction: float = 0.0
@@ -90,6 +90,15 @@ class Robot(NamedTuple):
 BARE = Robot()
 MANUS = Robot(mass=6.5, friction=0.8, hold=800.0)
 """About what the rig's plane is to a hand: module and arm, joint friction (params/plant.yaml)."""
+
+
+def round_the(plan, number):
+    """Return the point of a circle [m] after `number` of 12 steps clockwise."""
+    (cx, cy, _), (x, y, z) = plan.start, plan.target
+    angle = math.tau * number / 12
+    dx, dy = x - cx, y - cy
+    across = dx * math.cos(angle) + dy * math.sin(angle)
+    return cx + across, cy + dy * math.cos(angle) - dx * math.sin(angle), z
 
 
 class Simulation:
@@ -114,6 +123,7 @@ class Simulation:
         self.clock_set_ns = 0  # by how much the system clock was set, whose stamps samples have
         self.slots = (initial_state(), initial_state())
         self.shown = self.begin = self.bow = None
+        self.turned, self.onwards = 0, math.inf  # on a circle: points so far, time of the next [s]
 
     def _have(self, patient: Patient) -> None:
         self.patient = patient
@@ -135,11 +145,17 @@ class Simulation:
         if trial is None:
             return
         seen = (trial.plan.number, trial.phase == Phase.PREPARE)
-        if seen == self.shown:
+        if seen == self.shown and not self.now >= self.onwards:
             return
+        if seen != self.shown:
+            self.turned, self.onwards = 0, math.inf
         self.shown = seen
         if trial.phase == Phase.PREPARE:
             self.go(trial.origin, 1.5, 0.0, 1.0)
+        elif trial.kind == CIRCLE:
+            self.turned += 1
+            self.onwards = self.now + 0.5 * self.person.duration
+            self.go(round_the(trial.plan, self.turned), self.person.duration, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
                 self.person.spread * self.chance.gauss(0.0, 1.0)
@@ -222,7 +238,8 @@ class Simulation:
             STEP,
         )
         rise, machine = z - self.height, self.robot
-        height = machine.support
+        asked = self.session.carried.force
+        height = machine.support if math.isnan(asked) else asked
         if machine.hold and self.session.protocol.space == PLANE:
             height -= machine.hold * rise + 2.0 * math.sqrt(machine.hold * machine.mass) * vz
         height_state = self.slots[1]

@@ -37,6 +37,15 @@ def played(person, protocol=None, seed=1):
     return session, samples
 
 
+@pytest.mark.parametrize("name", ["evaluation", "lift"])
+def test_a_circle_is_drawn_round_its_centre_in_the_plane_and_in_space(name):
+    """314 cm² would be the whole circle: a hand that is drawn along a chord cuts the corners."""
+    session, _ = played(STEADY, part(load_protocol(name), 1, circuits=1))
+    (circle,) = session.results
+    assert 0.018 < circle["work_area"] < 0.032
+    assert circle["independence"] > 0.8
+
+
 def test_same_samples_same_numbers_bit_for_bit():
     protocol = part(CLOCK, 0, 1, circuits=1, targets=2)
     (one, samples), (other, again) = (played(FEEBLE, protocol) for _ in range(2))
