@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The eyes of the simulated patient: where he moves his hand by what the robot is asked for.
 
-In a therapy session he sees the start and the target of each trial, or the circle. Without one he
-sees the point that a game wishes (`therapy/wish`), or the set point of whoever publishes it, as far
-as a game may pull. How much of it he does, and how fast, are traits of his arm. None of it reaches
-the devices of the rig: only his hand does.
+In a therapy session he sees the start and the target of each trial, or the circle; while his arm
+is weighed he lets it hang. Without one he sees the point that a game wishes (`therapy/wish`), or
+the set point of whoever publishes it, as far as a game may pull. How much of it he does, and how
+fast, are traits of his arm. None of it reaches the devices of the rig: only his hand does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 from screw_module_ros import graph
 from screw_module_ros.control.limits import clamp
 from screw_module_ros.plant.patient import ArmSettings, HumanArm, Triple
-from screw_module_ros.therapy.protocol import CIRCLE
+from screw_module_ros.therapy.protocol import CIRCLE, WEIGH
 from screw_module_ros.therapy.wishes import SILENT_NS, WishLimits
 
 from .support.node import Node
@@ -41,6 +41,7 @@ class SimulatedPatient:
         self._trial: object = None  # what of a session the hand does
         self._goal: Triple | None = None  # where it goes for a game
         self._point: Triple | None = None  # that was asked for last
+        self._held: tuple[float, ...] = ()  # tension and carried, kept while the arm hangs
         self._trial_ns = self._wish_ns = -SILENT_NS
         self._node, self._subscriptions = node, []
         for topic, heard in (
@@ -59,6 +60,11 @@ class SimulatedPatient:
     def hear_state(self, state: TherapyState) -> None:
         """See what a session asks for."""
         arm = self._arm()
+        hangs = state.kind == WEIGH and state.phase == TherapyState.MOVING
+        if hangs is not bool(self._held):  # the arm is weighed, or is taken up again
+            values = self._held or (0.0, 0.0)
+            self._held = (arm.tension, arm.carried) if hangs else ()
+            self._send(ArmSettings(traits=("tension", "carried"), values=values))
         if state.state != TherapyState.RUNNING or arm.follows == 0.0:
             return
         self._trial_ns, self._goal = self._clock.now_ns(), None

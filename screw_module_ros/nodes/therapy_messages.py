@@ -9,9 +9,11 @@ from typing import Any
 from screw_module_msgs.msg import AssistanceChange, TherapySlot, TherapyState, TrialResult
 
 from screw_module_ros.therapy.adaptation import Change
+from screw_module_ros.therapy.arm import Arm
 from screw_module_ros.therapy.hand import HandSample, Point
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.measures import COLUMNS, Row
+from screw_module_ros.therapy.protocol import WEIGH
 from screw_module_ros.therapy.session import Session
 from screw_module_ros.therapy.smoothness import JERK_CUTOFF
 from screw_module_ros.therapy.trial import Phase
@@ -69,6 +71,17 @@ def fill_state(
     start_ns = session.wish.start_ns
     if start_ns is not None and sample is not None and trial.phase != Phase.PREPARE:
         message.since = (sample.time_ns - start_ns) * 1e-9
+
+
+def fill_arm(message: TherapyState, arm: Arm) -> None:
+    """Write what is known of the arm, and where the dialogue is that weighs it."""
+    message.arm, message.support = arm.led if arm.lowering else arm.told, arm.force
+    message.arm_weight, message.arm_spread, _ = arm.weight
+    if arm.weighing:
+        hangs = Phase.MOVING if arm.weighing.wish.plane else Phase.NONE
+        message.kind, message.phase = WEIGH, Phase.WAIT if arm.weighing.waits else hangs
+    elif message.kind == WEIGH:
+        message.kind, message.phase = "", Phase.NONE
 
 
 def result_message(result: Row, patient: str, protocol: str, side: str = "") -> TrialResult:

@@ -53,7 +53,7 @@ from .support.node import Node
 from .support.place import below, root_folder
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
-from .therapy_messages import change_message, fill_slot, fill_state, result_message
+from .therapy_messages import change_message, fill_arm, fill_slot, fill_state, result_message
 from .therapy_recording import RecorderSettings, SessionRecording
 from .wish_relay import WishRelay
 
@@ -291,13 +291,19 @@ class TherapySessionNode(Node):
             self._tell(self._publish_slot, course.slot)
         if news[1] != last[1] and course.sample and not course.is_under_way:
             self._wishes.ask_for(course.sample.position)  # else the spring pulls between slots
-        state.arm, (state.arm_weight, state.arm_spread, _) = course.arm.told, course.arm.weight
-        state.support = course.arm.force
         if session is None:
             state.state = TherapyState.IDLE
-            self._tell(self._publish_state, state)
-            return
-        if last[0] is None or (session.state, session.reason) != last[0][:2]:
+        else:
+            self._fill_session(state, session, last[0])
+        fill_arm(state, course.arm)
+        self._tell(self._publish_state, state)
+
+    def _fill_session(
+        self, state: TherapyState, session: Session, last: tuple[State, str, Any] | None
+    ) -> None:
+        """Write the session into the state, and log its changes; last: progress told before."""
+        course = self.course
+        if last is None or (session.state, session.reason) != last[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
         fill_state(state, session, course.patient, course.sample)
@@ -305,7 +311,6 @@ class TherapySessionNode(Node):
         state.definition = ""
         if session.state == State.RUNNING:  # once, in the first message of the running session
             state.definition, course.definition = course.definition, ""
-        self._tell(self._publish_state, state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
         is_free = not (self.course.is_under_way or self.course.arm.weighing or ends)

@@ -19,6 +19,7 @@ from .support import BlockSupport
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
 KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH)
+WEIGH = "weigh"  # kind in the state of the session's node while an arm is weighed, of no trial
 CLOCK, COLUMN, CENTRE = "clock", "column", "centre"
 LAYOUTS = (CLOCK, COLUMN, CENTRE)
 LARGEST_X, LARGEST_Y = 0.1755, 0.2136  # [m] the workspace without the soft stops at its edges

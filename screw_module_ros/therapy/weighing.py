@@ -67,9 +67,10 @@ def places(ranges: Sequence[tuple[float, float]]) -> list[Point]:
 class Weighing:
     """One dialogue, from the empty cradle to a weight, or to the sentence that refuses it.
 
-    is_on: it goes on; wish: requested slots; support: requested, upward, and left to the arm when
-    it is over [N]; told: what it waits for or has found, a sentence; result: mean of the places,
-    and spread, largest less smallest [N]; None before the end, and when it was refused.
+    is_on: it goes on; waits: for the arm to be strapped in; wish: requested slots; support:
+    requested, upward, and left to the arm when it is over [N]; told: what it waits for or has
+    found, a sentence; result: mean of the places, and spread, largest less smallest [N]; None
+    before the end, and when it was refused.
     """
 
     def __init__(self, where: Sequence[Point], cradle: float = 0.0):
@@ -80,16 +81,15 @@ class Weighing:
         self.is_on, self.wish, self.support = True, NO_SLOT, 0.0
         self.told = "keep off the handle: the empty cradle is measured"
         self.result: tuple[float, float] | None = None
-        self._where, self._cradle = where, cradle
-        self._waits = False  # for the arm to be strapped in
+        self._where, self._cradle, self.waits = where, cradle, False
         self._left = ""  # why the hanging arm is brought back before the end
         self._course = self._dialogue()
         next(self._course)
 
     def press(self) -> None:
         """Go on once the arm is strapped in; while something is measured, end it."""
-        if self._waits:
-            self._waits = False
+        if self.waits:
+            self.waits = False
         else:
             self.leave("the therapist ended it")
 
@@ -148,8 +148,8 @@ class Weighing:
     def _strapped(self) -> Generator[None, HandSample, HandSample]:
         """Wait for the therapist, and until the robot can hold the arm; return that sample."""
         while True:
-            self._waits = True
-            while self._waits:
+            self.waits = True
+            while self.waits:
                 sample = yield
             if not sample.stop:
                 return sample

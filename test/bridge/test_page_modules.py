@@ -448,7 +448,11 @@ def test_a_stopped_robot_is_neither_started_nor_resumed(result_of):
     """The session would pause again at once, without a word of why the button did nothing."""
     assert result_of(FORM + """
         const seen = (state, isStopped) => {
-          card.show({ state, patient: "P-22222", protocol: "a" }, isStopped);
+          card.patient.value = "P-22222";
+          card.side.value = "left";
+          for (const [, box] of card.checks) box.checked = true;
+          card.show({ state, patient: "P-22222", protocol: "a" }, isStopped,
+            isStopped ? "stopped" : "");
           return [card.start, card.resume, card.end].map((each) => !each.disabled);
         };
         const result = [seen(0, true), seen(0, false), seen(2, true), seen(2, false)];

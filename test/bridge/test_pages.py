@@ -28,6 +28,7 @@ class PlayedRobot(FakeGateway):
         super().__init__()
         self.values = {robot: dict(VALUES) for robot in robots}
         self.robots, self.at, self.hand = robots, 0, None
+        self.off = False
         self.axis = {"support": 0.0, "support_limit": 25.0, "hand_off": False}
         self.brakes = True
 
@@ -61,7 +62,7 @@ class PlayedRobot(FakeGateway):
             self.tell(f"{above}/endpoint_state", {
                 "header": stamp, "position": hand, "velocity": hand,
                 "force": {"x": 8 * away, "y": -6 * across, "z": 2.0},
-                "valid": [True] * 3, "enabled": [True] * 2, "safety": 0,
+                "valid": [True] * 3, "enabled": [not self.off] * 2, "safety": 0,
             })  # fmt: skip
             self.tell(f"{above}/safety_state", {"level": 0, "reasons": []})
             self.tell(f"{above}/screw/controller_state", self.axis)
@@ -286,20 +287,78 @@ def test_a_free_text_does_not_get_into_the_field(therapist, wait_until):
     field.fill("Erika Musterfrau")
     assert field.input_value() == "P-ERKAM"  # what a name leaves is no name
     field.fill("")
-    page.get_by_role("button", name="Start").click()
+    start = page.get_by_role("button", name="Start")
     given.until_text(page, "A pseudonym like P-7K3QX is wanted")
-    assert not starts()
+    assert start.is_disabled()
     page.get_by_role("button", name="New").click()
-    page.get_by_role("button", name="Start").click()
+    page.get_by_label("Arm", exact=True).select_option("right")
+    tick(page)
+    given.until(page, "!document.querySelector('.primary').disabled")
+    start.click()
     wait_until(starts)
-    (start,) = starts()
-    assert (start["patient"], start["record"]) == (field.input_value(), True)
+    (asked,) = starts()
+    assert (asked["patient"], asked["record"]) == (field.input_value(), True)
+
+
+def tick(page):
+    """Tick all that is asked for before a session."""
+    for box in page.locator(".checks input").all():
+        box.check()
+
+
+def test_start_stays_grey_with_what_is_missing_first(therapist, wait_until):
+    given, page = therapist()
+    start = page.get_by_role("button", name="Start")
+
+    def lacks(words):
+        given.until(page, f"document.querySelector('.missing').innerText.includes({words!r})")
+        assert start.is_disabled()
+
+    lacks("A pseudonym like P-7K3QX is wanted")
+    page.get_by_role("button", name="New").click()
+    lacks("Which arm is it?")
+    page.get_by_label("Arm", exact=True).select_option("left")
+    for box in ("Strap closed", "Emergency stop", "Arm rest", "Chair and handle", "Arm weighed"):
+        lacks(f"To be ticked: {box}")
+        page.get_by_label(box).check()
+    given.until(page, "document.querySelector('.missing').innerText === ''")
+    assert start.is_enabled()
+    given.robot.axis["mode"] = 0
+    assert start.is_enabled(), "of the plane"
+    page.get_by_label("Protocol").last.select_option("elevator")
+    lacks("Mode 0 gives no vertical force")
+    given.robot.axis["mode"] = 3
+    given.robot.off = True
+    lacks("The robot is not ready")
+    given.robot.off = False
+    given.state = {"kind": "weigh", "phase": 2}
+    lacks("An arm is being weighed")
+    given.state = {}
+    given.until(page, "document.querySelector('.missing').innerText === ''")
+    start.click()
+    wait_until(lambda: given.robot.calls[-1][0].endswith("/start"))
+    asked = given.robot.calls[-1][1]
+    assert (asked["checks"], asked["side"], asked["protocol"]) == (31, "left", "elevator")
+    given.until_text(page, "Running", **RUNS)
+    assert not page.locator(".checks").is_visible()
+    given.until_text(page, "Finished", state=FINISHED)
+    lacks("A pseudonym like P-7K3QX is wanted")
+    assert not any(box.is_checked() for box in page.locator(".checks input").all())
+
+
+@pytest.mark.parametrize(("phase", "asked"), [
+    (0, "Hands off the handle"), (2, "Your arm is strapped in"), (3, "Let your arm hang"),
+])  # fmt: skip
+def test_who_is_weighed_sees_what_is_asked_of_him(patient, phase, asked):
+    given, page = patient
+    given.until_text(page, "Pick fruit")
+    given.until_text(page, asked, kind="weigh", phase=phase)
+    assert not page.get_by_role("button", name="Pick fruit").is_visible()
 
 
 def test_the_form_shows_the_session_that_runs(therapist):
     """A page that is opened in its midst must not offer another patient's pseudonym."""
     given, page = therapist()
-    page.get_by_role("button", name="Start").click()
     given.until_text(page, "A pseudonym like P-7K3QX is wanted")
     runs = {"protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2, "trials": 9}
     given.until_text(page, "movement 2 of 9", **RUNS | runs)
@@ -347,11 +406,14 @@ def test_the_arm_is_weighed_supported_and_lowered(therapist):
     page.get_by_label("Pseudonym of the patient").fill("P-7K3QX")
     page.get_by_label("Arm", exact=True).select_option("left")
     page.get_by_role("button", name="Weigh the arm").click()
-    given.until_text(page, "Strap the arm in", arm="strap the arm in and lay it down")
+    weighing = {"kind": "weigh", "arm": "strap the arm in and lay it down"}
+    given.until_text(page, "Strap the arm in", **weighing, phase=2)
+    assert page.get_by_role("button", name="Strapped in: go on").is_visible()
+    given.until_text(page, "End the weighing", phase=3)
     given.until_text(page, "at most 15.0 N: the arm is not weighed")
     given.robot.axis = {"support": 9.2, "support_limit": 25.0, "hand_off": False}
     given.until_text(
-        page, "In use 9.2 N, at most 20.4 N", arm="", arm_weight=18.4, arm_spread=1.2
+        page, "In use 9.2 N, at most 20.4 N", kind="", arm="", arm_weight=18.4, arm_spread=1.2
     )
     slider = page.get_by_label("Support of the arm")
     slider.fill("11.04")
@@ -371,7 +433,7 @@ def test_the_arm_is_weighed_supported_and_lowered(therapist):
 def test_each_button_says_what_happens_to_the_arm(therapist, brakes, told):
     given, page = therapist()
     given.robot.brakes = brakes
-    given.until_text(page, f"torque off: {told}")
+    given.until_text(page, f"torque off: {told}", **RUNS)
     pause = page.get_by_role("button", name="Pause")
     assert "walls go, the arm stays carried" in pause.inner_text()
     lower = page.get_by_role("button", name="Lower the arm")

@@ -7,7 +7,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import Point, Vector3
-from screw_module_msgs.msg import EndpointState, SafetyState
+from screw_module_msgs.msg import EndpointState, SafetyState, TherapyState
 from screw_module_msgs.srv import StartTherapy
 from services import asked
 from wired import Topics
@@ -73,9 +73,14 @@ def hung(room, fz=-18.0):
     """Weigh an arm; return the last state."""
     room.feed(0.1)
     assert room.weigh().success
-    assert "strap the arm in" in room.feed(1.5).arm
+    assert (room.feed(0.5).kind, room.state.phase) == ("weigh", TherapyState.NONE)
+    assert "strap the arm in" in room.feed(1.0).arm
+    assert (room.state.kind, room.state.phase) == ("weigh", TherapyState.WAIT)
     assert room.weigh().success
-    return room.feed(40.0, fz)
+    assert (room.feed(1.0, fz).kind, room.state.phase) == ("weigh", TherapyState.MOVING)
+    state = room.feed(39.0, fz)
+    assert (state.kind, state.phase) == ("", TherapyState.NONE)
+    return state
 
 
 def test_an_arm_is_weighed_and_kept_for_patient_and_side(room):

@@ -571,6 +571,7 @@ def test_the_arm_is_lowered_and_let_go(room):
     slot, _ = slot_of(room.slots[-1], vertical=True)
     assert (slot.start_x, slot.target_x, room.slots[-1].support) == (0.2, 0.05, 12.0)
     room.go_on(5.1)
+    assert "is being lowered" in room.state.arm
     assert room.slots[-1].vertical and room.slots[-1].support == 0.0
     room.in_use = 0.0
     room.go_on(0.1)

@@ -75,6 +75,19 @@ def test_a_flaccid_patient_never_moves_his_hand():
     assert screen.sent == []
 
 
+def test_an_arm_hangs_while_it_is_weighed_and_is_as_before_afterwards():
+    screen = Screen("severe")
+    for phase in (TherapyState.NONE, TherapyState.WAIT, *[TherapyState.MOVING] * 2):
+        screen.show("therapy/state", kind="weigh", phase=phase)
+    (hangs,) = screen.sent
+    assert dict(zip(hangs.traits, hangs.values, strict=True)) == {"tension": 0.0, "carried": 0.0}
+    for _ in range(2):
+        screen.show("therapy/state")
+    _, again = screen.sent
+    assert again.traits == hangs.traits
+    assert again.values == (screen.arm.tension, screen.arm.carried)
+
+
 def test_a_circle_is_walked_from_its_target():
     screen, since = Screen("healthy"), (0.0, 0.6, 1.2)
     target = Point(x=0.1, y=0.0, z=0.18)

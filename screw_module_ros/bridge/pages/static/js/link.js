@@ -13,6 +13,11 @@ export function isUnderWay(state) {
   return [STARTING, RUNNING, PAUSED].includes(state?.state);
 }
 
+// Whether an arm is being weighed; its phase: NONE the cradle is empty, WAIT for the strap, MOVING it hangs.
+export function isWeighed(state) {
+  return state?.kind === "weigh" && !isUnderWay(state);
+}
+
 // The targets of the block that runs: those of all blocks together would overlap.
 export function targetsOf(protocol, { block }) {
   const { blocks = {}, targets = [] } = protocol ?? {};

@@ -4,7 +4,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  SAFETY_STOPPED, STARTING, WAIT, isUnderWay,
+  SAFETY_STOPPED, STARTING, WAIT, isUnderWay, isWeighed,
 } from "./link.js";
 
 // Why something did not work ----------------------------------------------------------------
@@ -36,6 +36,11 @@ const WAITING = "One moment …";
 const FOR_ROBOT = "Waiting for the robot";
 const ASK_THERAPIST = "Your therapist knows what to do";
 
+const WEIGHED = { // what is asked of him whose arm is weighed
+  [WAIT]: ["Your arm is strapped in", "Lay it down, and let it rest"],
+  [MOVING]: ["Let your arm hang", "Loose and heavy: the robot moves it to three places"],
+};
+
 const TASKS = {
   reach: "Move the blue hand to the orange diamond", circle: "Draw circles along the orange line",
   hold: "Hold your hand still", resisted: "Keep the blue hand on the orange diamond",
@@ -64,6 +69,7 @@ export function veil({
   if (isOn && !isTold) return ["wait", WAITING, "The exercise has stopped"];
   if (safety === SAFETY_STOPPED) return ["stop", "The robot has stopped", ASK_THERAPIST];
   if (safety !== SAFETY_OK) return ["wait", FOR_ROBOT, ASK_THERAPIST];
+  if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? ["Hands off the handle", "Only for a moment"]];
   if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
   if (state?.state === PAUSED) return ["pause", "Pause", "The therapist goes on in a moment"];
   if (state?.state === FINISHED) {
@@ -104,7 +110,11 @@ export const PAGE = {
   write: "Write down, elsewhere, whose pseudonym this is.",
   uncounted: "sessions not known",
   wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
-  support: "Support of the arm", carried: "Carried by the robot", weigh: "Weigh the arm",
+  sideWanted: "Which arm is it? Choose left or right.",
+  notReady: "The robot is not ready: what it waits for stands above.", homing: "An axis is not homed: ask the operator.",
+  modeOff: "Mode 0 gives no vertical force: ask the operator for another.", isWeighed: "An arm is being weighed.",
+  before: "Before Start",
+  support: "Support of the arm", carried: "Carried by the robot",
   lower: "Lower the arm", lowers: "slowly down, then let go",
   limits: "Limits", unknown: "Not known yet.",
   hand: "Hand [cm] (arrow: its force)", above: "From above: far is up",
@@ -114,6 +124,16 @@ export const PAGE = {
   results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
   assistance: "Assistance", changes: "Changes of the assistance", noChange: "No change yet.",
 };
+
+// What is ticked before a session, by the bits of StartTherapy.srv.
+export const CHECKS = {
+  1: "Strap closed", 2: "Emergency stop tried today", 4: "Arm rest in place, or the lap is free",
+  8: "Chair and handle as noted", 16: "Arm weighed, or hangs as last time",
+};
+
+export function toTick(words) {
+  return `To be ticked: ${words}.`;
+}
 
 export const LIMITS = {
   "assistance.stiffness": "Stiffest wall, next session", "wish.half_width": "Workspace, left and right",
@@ -150,6 +170,12 @@ export function supportSentence(controller, most, reason) {
   if (!controller) return "The vertical axis is silent.";
   if (controller.hand_off) return "The hand has left the handle: the support is away until it is back.";
   return `In use ${newtons(controller.support)}, at most ${newtons(most)}: ${reason}.`;
+}
+
+// The button of the dialogue that weighs the arm.
+export function weighWords(state) {
+  if (!isWeighed(state)) return "Weigh the arm";
+  return state.phase === WAIT ? "Strapped in: go on" : "End the weighing";
 }
 
 // What the arm weighs, and what the dialogue that weighs it waits for or has found.
@@ -246,7 +272,7 @@ export function sessionSentence(state, protocols) {
     case ABORTED:
       return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
     default:
-      return "Press New for a pseudonym, choose a protocol, press Start.";
+      return "Press New for a pseudonym, choose arm and protocol, tick the list, press Start.";
   }
 }
 
@@ -272,6 +298,16 @@ function wayOut(state) {
 
 // The supervisor's word for a stop by `estop`, which is all that this page's button does.
 const ESTOP = "emergency stop";
+
+const DRIVES = { plane: [0], vertical: [1], space: [0, 1] }, AXES = { plane: [0, 1], vertical: [2], space: [0, 1, 2] };
+
+// Why the robot cannot begin a protocol in a space; "" if it can.
+export function unready(safety, endpoint, controller, state, space) {
+  if (isWeighed(state)) return PAGE.isWeighed;
+  if (safety?.level !== SAFETY_OK || !DRIVES[space].every((i) => endpoint?.enabled[i])) return PAGE.notReady;
+  if (!AXES[space].every((i) => endpoint.valid[i])) return PAGE.homing;
+  return space !== "plane" && controller?.mode === 0 ? PAGE.modeOff : "";
+}
 
 // What stands in the way of motion, [sentence, whether it is bad].
 export function safetySentence(safety, endpoint, state) {

@@ -4,7 +4,7 @@
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, chosenRobot, configurationAtLast,
-  isUnderWay, named, ownToken,
+  isUnderWay, isWeighed, named, ownToken,
 } from "../link.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
 import { makeFullScreen } from "./awake.js";
@@ -132,6 +132,7 @@ function hearState(state) {
   if (state.state === RUNNING && (before?.state !== RUNNING || isNew)) {
     world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
+    if (state.side) chooseHand(state.side);
   }
   if (seen.take(state, before, isNew)) {
     world.reachedAt = performance.now();
@@ -143,6 +144,7 @@ function hearState(state) {
 
 function isInSession() {
   const { state } = world;
+  if (isWeighed(state)) return true;
   if (!state || state.state === IDLE) return false;
   const over = state.state === FINISHED || state.state === ABORTED;
   return !over || (performance.now() - world.stateAt < AFTER_MS && !play);

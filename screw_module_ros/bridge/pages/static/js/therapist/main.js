@@ -4,7 +4,7 @@
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
 import {
-  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays,
+  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
@@ -98,13 +98,14 @@ export class RobotPanel {
     if (now - this.viewed < VIEW_MS) return;
     this.viewed = now;
     const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
+    const [drive, controller] = [this.newest("screw/amplifier_state"), this.newest("screw/controller_state")];
+    const safety = this.newest("safety_state");
     // Drawn with the sentences, whichever topic came last: no button contradicts what they say.
-    this.session.show(this.heard["therapy/state"]?.message, this.isStopped());
-    const drive = this.newest("screw/amplifier_state");
-    this.support.show(state, this.newest("screw/controller_state"), drive);
+    this.session.show(this.heard["therapy/state"]?.message, this.isStopped(),
+      unready(safety, endpoint, controller, state, this.session.space));
+    this.support.show(state, controller, drive);
     say(this.stops, stopSays(drive));
     say(this.sentence, sessionSentence(state, this.protocols));
-    const safety = this.newest("safety_state");
     const [word, kind] = badge(state, safety);
     say(this.badge, word);
     this.badge.className = `badge ${kind}`;

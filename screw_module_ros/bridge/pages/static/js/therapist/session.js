@@ -3,7 +3,7 @@
 
 import { el, say } from "../draw.js";
 import { PAUSED, RUNNING, STARTING, isUnderWay } from "../link.js";
-import { PAGE, again, failure, sessionOf } from "../words.js";
+import { CHECKS, PAGE, again, failure, sessionOf, toTick } from "../words.js";
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
 // with a digit: else a name of five letters would be one.
@@ -51,6 +51,10 @@ export class SessionCard {
     this.record = el("input", { type: "checkbox", checked: true });
     this.start = el("button", { type: "submit", className: "primary" }, PAGE.start);
     this.counted = el("span", { className: "counted", role: "status" });
+    this.checks = Object.entries(CHECKS).map(([bit, words]) => [Number(bit), el("input", { type: "checkbox" }), words]);
+    this.list = el("fieldset", { className: "checks", ariaLabel: PAGE.before },
+      ...this.checks.map(([, box, words]) => el("label", { className: "check" }, box, words)));
+    this.missing = el("p", { className: "missing", role: "status" });
     this.pause = this.button(PAGE.pause, "therapy_session/pause");
     this.pause.append(el("small", {}, PAGE.pauses));
     this.resume = this.button(PAGE.resume, "therapy_session/resume");
@@ -62,9 +66,10 @@ export class SessionCard {
         el("label", {}, PAGE.pseudonym, this.patient), el("label", {}, PAGE.armSide, this.side), this.new,
         this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
+      this.list,
       el("div", { className: "row" },
-        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.counted,
-        this.pause, this.resume, this.end, this.save));
+        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.counted), this.missing,
+      this.acts = el("div", { className: "row" }, this.pause, this.resume, this.end, this.save));
     form.noValidate = true;
     this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
@@ -103,12 +108,22 @@ export class SessionCard {
 
   submit(event) {
     event.preventDefault();
-    if (!this.patient.checkValidity()) {
-      this.tell(PAGE.wanted);
-      return;
-    }
     const [protocol, record] = [this.protocol.value, this.record.checked];
-    this.ask("therapy_session/start", { ...this.whose(), protocol, record });
+    const checks = this.checks.reduce((sum, [bit, box]) => sum + (box.checked ? bit : 0), 0);
+    this.ask("therapy_session/start", { ...this.whose(), protocol, record, checks });
+  }
+
+  get space() {
+    return this.protocols.find(({ name }) => name === this.protocol.value)?.space ?? "plane";
+  }
+
+  // The first thing that is missing for a session; unready: of the robot.
+  lacking(unready) {
+    const [, , words] = this.checks.find(([, box]) => !box.checked) ?? [];
+    if (unready) return unready;
+    if (!WHOLE.test(this.patient.value)) return PAGE.wanted;
+    if (!this.side.value) return PAGE.sideWanted;
+    return words ? toTick(words) : "";
   }
 
   // Whose arm it is.
@@ -131,16 +146,19 @@ export class SessionCard {
     this.told.classList.toggle("good", isGood);
   }
 
-  // isStopped: the robot has stopped, so that a session would pause again at once.
-  show(state, isStopped = false) {
+  // isStopped: the robot has stopped, so that a session would pause again at once; unready: why else none begins.
+  show(state, isStopped = false, unready = PAGE.notReady) {
     const now = state?.state;
     const isOn = isUnderWay(state);
-    if (isOn && !this.isOn && this.told.textContent === PAGE.wanted) this.tell(""); // another page's
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
     for (const each of [this.patient, this.new, this.side, this.protocol, this.record]) each.disabled = isOn;
-    this.start.disabled = isOn || isStopped;
+    const missing = isOn ? "" : this.lacking(unready);
+    say(this.missing, missing);
+    this.list.hidden = this.start.hidden = isOn;
+    this.acts.hidden = !isOn;
+    this.start.disabled = Boolean(isOn || missing);
     this.pause.disabled = now !== RUNNING && now !== STARTING;
     this.resume.disabled = now !== PAUSED || isStopped;
     this.end.disabled = !isOn;
@@ -162,6 +180,7 @@ export class SessionCard {
   clear() {
     this.patient.value = "P-";
     this.side.value = "";
+    for (const [, box] of this.checks) box.checked = false;
     say(this.counted, "");
     this.record.checked = true;
     this.again.textContent = again(this.last);

@@ -3,8 +3,8 @@
 // that finds it out. The session's node bounds what is asked for; the controller what is in use.
 
 import { el, say } from "../draw.js";
-import { RUNNING, STARTING, isUnderWay } from "../link.js";
-import { PAGE, armSentence, failure, supportLimit, supportSentence, supportShare } from "../words.js";
+import { RUNNING, STARTING, isUnderWay, isWeighed } from "../link.js";
+import { PAGE, armSentence, failure, supportLimit, supportSentence, supportShare, weighWords } from "../words.js";
 
 const FORCE = "support.force";
 const DOUBLE = 3; // ParameterType.msg
@@ -27,7 +27,7 @@ export class SupportCard {
     this.input.onchange = () => this.set(Number(this.input.value));
     this.use = el("p", { className: "use" });
     this.arm = el("p", { className: "arm", role: "status" });
-    this.weigh = el("button", { type: "button", onclick: () => this.ask("therapy_session/weigh", this.whose()) }, PAGE.weigh);
+    this.weigh = el("button", { type: "button", onclick: () => this.ask("therapy_session/weigh", this.whose()) });
     this.lower = el("button", { type: "button", onclick: () => this.ask("therapy_session/lower") },
       PAGE.lower, el("small", {}, PAGE.lowers));
     this.told = el("p", { className: "told", role: "status" });
@@ -41,7 +41,7 @@ export class SupportCard {
   show(state, controller, drive) {
     this.weight = state?.arm_weight ?? null;
     const [most, reason] = supportLimit(this.weight, controller, drive);
-    this.input.disabled = !state;
+    this.input.disabled = !state || isWeighed(state);
     if (!this.isHeld && state) {
       this.input.step = this.weight ? SHARE * this.weight : UNWEIGHED_STEP;
       this.input.max = Math.max(most, state.support) + ROUNDED;
@@ -50,8 +50,9 @@ export class SupportCard {
     this.share();
     say(this.use, supportSentence(controller, most, reason));
     say(this.arm, armSentence(state));
+    say(this.weigh, weighWords(state));
     this.weigh.disabled = !state || isUnderWay(state);
-    this.lower.disabled = !state || [RUNNING, STARTING].includes(state.state);
+    this.lower.disabled = !state || isWeighed(state) || [RUNNING, STARTING].includes(state.state);
   }
 
   share() {
