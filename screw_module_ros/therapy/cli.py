@@ -8,11 +8,12 @@ import os
 import re
 import sqlite3
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime, timedelta, timezone
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
@@ -26,78 +27,17 @@ from .recorded import Recorded, read_sessions
 from .replay import replayed
 from .scores import SCALES, Score, keep_scores
 
-_FOLDER = Path("~/sessions")  # the recorder's default
+_FOLDER = "~/sessions"  # the recorder's default
 _DAYS = {"y": 365.25, "m": 30.4375, "d": 1.0}
 
 
 def add_commands(commands: argparse._SubParsersAction) -> None:
     """Add the commands of therapy sessions to those of `session`."""
-    new = commands.add_parser("new", help="a new pseudonym", description="Print a new pseudonym.")
-    new.set_defaults(run=_new)
-    for name, run, text, several in (
-        ("replay", _replay, "compute a therapy session again and compare the results", False),
-        ("report", _report, "a page on a patient's sessions: HTML, to read or to print", True),
-        ("export", _export, "trials, sessions and scores as CSV", True),
-    ):
+    for name, (run, text, wanted) in _COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text)
-        what = "folder of a bag" + ", or of the record" * several
-        count = "+" if several else 1
-        command.add_argument("bags", type=Path, nargs=count, help=what, metavar="FOLDER")
-        if several:
-            text = "output folder; a folder per patient is made in it"
-            command.add_argument("--out", type=Path, required=True, help=text, metavar="FOLDER")
-            text = "of a record: the one patient whose sessions are wanted"
-            command.add_argument("--patient", type=_pseudonym, default="", help=text)
-        command.set_defaults(run=run)
-        if run is _export:
-            for option, text in (
-                ("--decimal-comma", "decimal commas, and semicolons between columns"),
-                ("--bom", "a byte order mark in front, by which spreadsheets know UTF-8"),
-                ("--shift-dates", "move all dates of a patient by one random number of days"),
-                ("--bids", "also samples and trials in the layout of BIDS, all patients in one"),
-                ("--rename", "give each patient a new pseudonym, which nothing keeps"),
-            ):
-                command.add_argument(option, action="store_true", help=text)
-    _add_of_record(commands)
-
-
-def _add_of_record(commands: argparse._SubParsersAction) -> None:
-    for name, run, text in (
-        ("index", _index, "bring the record up to date with the bags and scores of its folder"),
-        ("due", _due, "patients whose last session is older than a time"),
-        ("access", _access, "who has read or written what of the record, in the last year"),
-        ("progress", _progress, "a patient's sessions side by side, as text or as a page"),
-        ("forget", _forget, "delete a patient's bags, scores, reports, exports and rows"),
-        ("backup", _backup, "write bags and scores, of all or of one patient, into one file"),
-        ("restore", _restore, "put a backup into the record, beside what is there"),
-        ("score", _score, f"keep a score of a patient: {', '.join(SCALES)}"),
-    ):
-        command = commands.add_parser(name, help=text, description=text)
-        if run in _OF_PATIENT:
-            command.add_argument("patient", type=_pseudonym, help="pseudonym")
-        if run is _score:
-            command.add_argument("scale", choices=tuple(SCALES), metavar="SCALE", help="its name")
-            command.add_argument("value", type=float, help="number on that scale")
-            text = "when, like 2026-03-03T13:05:00+01:00, by default now"
-            command.add_argument("--at", default="", help=text)
-        if run in (_backup, _restore):
-            command.add_argument("file", type=Path, help="the backup")
-        if run is _backup:
-            text = "the one patient who is wanted, to move to another computer"
-            command.add_argument("--patient", type=_pseudonym, default="", help=text)
-        if run is _progress:
-            text = "write the page into this folder, in a folder of the patient"
-            command.add_argument("--out", type=Path, help=text, metavar="FOLDER")
-        what = "that holds the bags, by default ~/sessions"
-        place = {"metavar": "FOLDER", "type": Path, "default": _FOLDER, "help": what}
-        if run not in (_index, _due, _access):
-            command.add_argument("--folder", **place)
-        else:
-            command.add_argument("folder", nargs="?", **place)
-        command.set_defaults(run=run)
-        if run is _due:
-            text = "like 10y, 18m or 90d"
-            command.add_argument("--older", type=_age, required=True, help=text, metavar="TIME")
+        command.set_defaults(run=run, command=name)
+        for argument in wanted.split():
+            command.add_argument(argument, **_ARGUMENTS[argument])
 
 
 def _pseudonym(text: str) -> str:
@@ -121,7 +61,7 @@ def _new(options: argparse.Namespace) -> int:
 
 def _replay(options: argparse.Namespace) -> int:
     problems, remarks = 0, list[str]()
-    for session in _read(options.bags[0], remarks):
+    for session in _read(options.bag, remarks):
         found = replayed(session)
         for problem in found.problems:
             print(f"PROBLEM {problem}")
@@ -134,7 +74,7 @@ def _replay(options: argparse.Namespace) -> int:
 def _report(options: argparse.Namespace) -> int:
     from .report import patient_of, write_report  # matplotlib takes a second
 
-    with _of_bags(options, "report") as record:
+    with _of_bags(options) as record:
         places = [(record.path(row), row["number"]) for row in record.sessions(options.patient)]
     sessions = [_read(bag, None)[number] for bag, number in places]
     replays = [replayed(session) for session in sessions]
@@ -150,7 +90,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     text = partial(csv_text, decimal_comma=options.decimal_comma, bom=options.bom)
-    with _of_bags(options, "export") as record:
+    with _of_bags(options) as record:
         patients = dict.fromkeys(row["pseudonym"] for row in record.sessions(options.patient))
         masks = masked(patients, options.shift_dates, options.rename)
         for patient, mask in masks.items():
@@ -174,9 +114,7 @@ def _index(options: argparse.Namespace) -> int:
 
 def _due(options: argparse.Namespace) -> int:
     until = datetime.now(timezone.utc) - options.older
-    with _opened(options.folder) as record:
-        record.update()
-        record.note("due")
+    with _of_folder(options) as record:
         last = {row["pseudonym"]: row for row in record.sessions()}
         for pseudonym, row in last.items():
             if row["begun"] is None or row["begun"] < until.timestamp():
@@ -193,10 +131,7 @@ def _access(options: argparse.Namespace) -> int:
 
 
 def _progress(options: argparse.Namespace) -> int:
-    with _opened(options.folder) as record:
-        record.update()
-        _tell(record.notes)
-        record.note("progress", options.patient, str(options.out.resolve() if options.out else ""))
+    with _of_folder(options, str(options.out.resolve()) if options.out else "") as record:
         try:
             found = progress_of(record, options.patient)
         except ValueError as error:
@@ -214,10 +149,10 @@ def _progress(options: argparse.Namespace) -> int:
 
 def _score(options: argparse.Namespace) -> int:
     at = options.at or datetime.now().astimezone().isoformat(timespec="seconds")
-    with _opened(options.folder) as record, alone(options.folder.expanduser()):
+    with _opened(options.folder) as record, alone(options.folder):
         try:
             score = Score(at, options.scale, options.value)
-            keep_scores(options.folder.expanduser(), options.patient, [score])
+            keep_scores(options.folder, options.patient, [score])
         except SettingError as error:
             raise BagError(str(error)) from None
         record.note("score", options.patient)
@@ -225,9 +160,8 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _forget(options: argparse.Namespace) -> int:
-    folder, patient = options.folder.expanduser(), options.patient
-    with _opened(folder) as record:
-        record.update()
+    folder, patient = options.folder, options.patient
+    with _of_folder(options) as record:
         own, shared = of_patient(record, folder, patient)
         rows = len(record.sessions(patient))
         print(f"To be deleted of {patient}: {rows} sessions and scores of the record, the weights "
@@ -237,25 +171,21 @@ def _forget(options: argparse.Namespace) -> int:
             print("nothing was deleted")
             return 1
         forget(record, folder, patient)
-        record.note("forget")
         beyond = [*(f"{path}, which holds others too" for path in shared), *BEYOND_REACH]
         print("Deleted. Not reached are", *beyond, sep="\n  ")
     return 0
 
 
 def _backup(options: argparse.Namespace) -> int:
-    with _opened(options.folder) as record:
-        record.update()
-        _tell(record.notes)
-        record.note("backup", options.patient)
-        folder, file = options.folder.expanduser(), options.file
-        print(f"{file}: {back_up(record, folder, file, options.patient)} bags and files of scores")
+    with _of_folder(options) as record:
+        count = back_up(record, options.folder, options.file, options.patient)
+        print(f"{options.file}: {count} bags and files of scores")
     return 0
 
 
 def _restore(options: argparse.Namespace) -> int:
     with _opened(options.folder) as record:
-        came = restore(record, options.folder.expanduser(), options.file)
+        came = restore(record, options.folder, options.file)
         record.note("restore")
         record.update()
         _tell(record.notes)
@@ -263,28 +193,33 @@ def _restore(options: argparse.Namespace) -> int:
     return 0
 
 
-_OF_PATIENT = (_progress, _score, _forget)
+@contextmanager
+def _of_folder(options: argparse.Namespace, place: str = "") -> Iterator[Record]:
+    """Open the record of a folder, take what is new, and note who asks for what."""
+    with _opened(options.folder) as record:
+        record.update()
+        _tell(record.notes)
+        record.note(options.command, getattr(options, "patient", ""), place)
+        yield record
 
 
 @contextmanager
 def _opened(folder: Path) -> Iterator[Record]:
     """Open the record of a folder. Raises BagError where that fails."""
     try:
-        with closing(Record(folder.expanduser())) as record:
+        with closing(Record(folder)) as record:
             yield record
     except (OSError, sqlite3.Error) as error:
         raise BagError(f"the record of {folder} cannot be used: {error}") from None
 
 
 @contextmanager
-def _of_bags(options: argparse.Namespace, what: str) -> Iterator[Record]:
+def _of_bags(options: argparse.Namespace) -> Iterator[Record]:
     """Open the record of the folder of bags that was named, or make one of the bags in memory."""
     folder, out = options.bags[0], str(options.out.resolve())
     if len(options.bags) == 1 and folder.is_dir() and sources(folder):
-        with _opened(folder) as record:
-            record.update()
-            _tell(record.notes)
-            record.note(what, options.patient, out)
+        options.folder = folder
+        with _of_folder(options, out) as record:
             yield record
         return
     with closing(Record()) as record:
@@ -295,7 +230,7 @@ def _of_bags(options: argparse.Namespace, what: str) -> Iterator[Record]:
             if (above / ACCESS).exists():
                 with _opened(above) as kept:
                     for patient in {row["pseudonym"] for row in record.sessions()}:
-                        kept.note(what, patient, out)
+                        kept.note(options.command, patient, out)
         yield record
 
 
@@ -318,3 +253,57 @@ def _writing(root: Path) -> Iterator[None]:
         yield
     except (OSError, ValueError) as error:
         raise BagError(f"--out {root}: {error}") from None
+
+
+def _folder(text: str) -> Path:
+    return Path(text).expanduser()
+
+
+_COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
+    "new": (_new, "print a new pseudonym", ""),
+    "replay": (_replay, "compute a therapy session again and compare the results", "bag"),
+    "report": (_report, "a page on a patient's sessions: HTML, to read or to print",
+               "bags --out --patient"),
+    "export": (_export, "trials, sessions and scores as CSV",
+               "bags --out --patient --decimal-comma --bom --shift-dates --rename --bids"),
+    "index": (_index, "bring the record up to date with the bags and scores of its folder",
+              "folder"),
+    "progress": (_progress, "a patient's sessions side by side, as text or as a page",
+                 "patient --page --folder"),
+    "score": (_score, f"keep a score of a patient: {', '.join(SCALES)}",
+              "patient scale value --at --folder"),
+    "due": (_due, "patients whose last session is older than a time", "--older folder"),
+    "access": (_access, "who has read or written what of the record, in the last year", "folder"),
+    "forget": (_forget, "delete a patient's bags, scores, reports, exports and rows",
+               "patient --folder"),
+    "backup": (_backup, "write bags and scores, of all or of one patient, into one file",
+               "file --patient --folder"),
+    "restore": (_restore, "put a backup into the record, beside what is there", "file --folder"),
+}  # fmt: skip
+"""By name: what runs, what it does, and its arguments."""
+_PLACE = {"type": _folder, "default": _FOLDER, "metavar": "FOLDER",
+          "help": "that holds the bags, by default ~/sessions"}  # fmt: skip
+_FLAG = {"action": "store_true"}
+_ARGUMENTS: dict[str, dict[str, Any]] = {
+    "bag": {"type": Path, "metavar": "FOLDER", "help": "folder of a bag"},
+    "bags": {"type": Path, "nargs": "+", "metavar": "FOLDER",
+             "help": "folder of a bag, or the one that holds all bags of a record"},
+    "--out": {"type": Path, "required": True, "metavar": "FOLDER",
+              "help": "output folder; a folder per patient is made in it"},
+    "--page": {"type": Path, "metavar": "FOLDER", "dest": "out",
+               "help": "write a page below this folder, in a folder of the patient"},
+    "--patient": {"type": _pseudonym, "default": "", "help": "the one patient who is wanted"},
+    "--decimal-comma": {**_FLAG, "help": "decimal commas, and semicolons between columns"},
+    "--bom": {**_FLAG, "help": "a byte order mark in front, by which spreadsheets know UTF-8"},
+    "--shift-dates": {**_FLAG, "help": "move all dates of a patient by one random number of days"},
+    "--rename": {**_FLAG, "help": "give each patient a new pseudonym, which nothing keeps"},
+    "--bids": {**_FLAG, "help": "also samples and trials in the layout of BIDS, below OUT/bids"},
+    "folder": {**_PLACE, "nargs": "?"},
+    "--folder": _PLACE,
+    "patient": {"type": _pseudonym, "help": "pseudonym"},
+    "scale": {"choices": tuple(SCALES), "metavar": "SCALE", "help": "its name"},
+    "value": {"type": float, "help": "number on that scale"},
+    "--at": {"default": "", "help": "when, like 2026-03-03T13:05:00+01:00, by default now"},
+    "--older": {"type": _age, "required": True, "metavar": "TIME", "help": "like 10y or 90d"},
+    "file": {"type": Path, "help": "the backup"},
+}  # fmt: skip

@@ -20,10 +20,11 @@ from .measures import COLUMNS, MEASURES
 from .record import Record, local
 
 LEADING = (
-    "patient", "session", "protocol", "protocol_sha256", "started", "started_ns", "simulated",
-    "jerk_cutoff", "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
+    "patient", "protocol", "protocol_sha256", "started", "started_ns", "simulated", "jerk_cutoff",
+    "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
 )  # fmt: skip
-"""Columns of trials.csv in front of the figures; started: ISO 8601, local time with its offset."""
+"""Columns of trials.csv in front of the figures; started: ISO 8601, local time with its offset.
+Behind them stands the session, a patient's first one is 1."""
 SESSION = (
     "patient", "session", "side", "protocol", "protocol_sha256", "started", "simulated", "outcome",
     "stops", "trials", "support", "arm_weight", "robot", "software", "law",
@@ -80,7 +81,8 @@ def write_tables(
     meaning = [(m.name, m.label, m.factor, m.unit, m.text) for m in MEASURES]
     folder = patient_folder(out, mask.patient)
     for name, columns, rows in (
-        ("trials.csv", (*LEADING, *COLUMNS), trials), ("sessions.csv", SESSION, sessions),
+        ("trials.csv", (*LEADING, *COLUMNS, "session"), trials),
+        ("sessions.csv", SESSION, sessions),
         ("scores.csv", SCORE, scores),
         ("columns.csv", _MEANING, [dict(zip(_MEANING, row, strict=True)) for row in meaning]),
     ):  # fmt: skip

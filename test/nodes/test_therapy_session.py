@@ -7,6 +7,7 @@ recording is computed again.
 
 from __future__ import annotations
 
+import csv
 import math
 import os
 import re
@@ -24,6 +25,7 @@ from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import METADATA_FILE
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
+from screw_module_ros.software import software
 from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.session import State
@@ -247,7 +249,10 @@ def test_the_commands_read_the_bag(session, tmp_path, capsys):
     assert len(lines) == 1 + TRIALS and lines[1].startswith(f"{PATIENT},clock_adaptive,")
     assert main(["report", "--out", str(out), bag]) == 0
     names = sorted(file.name for file in (out / PATIENT).iterdir())
-    assert names == ["columns.csv", "report.html", "trials.csv"]
+    assert names == ["columns.csv", "report.html", "scores.csv", "sessions.csv", "trials.csv"]
+    (row,) = csv.DictReader((out / PATIENT / "sessions.csv").open())
+    assert (row["patient"], row["outcome"], row["simulated"]) == (PATIENT, "finished", "1")
+    assert row["software"] == software() and row["law"].count(", ") == 1
 
 
 @pytest.mark.parametrize("name", [SPACE, EVALUATION])

@@ -37,7 +37,7 @@ def folder(tmp_path, monkeypatch):
         keep_scores(place, patient, [Score("2026-03-03T14:00:00+01:00", "FM_UE", 34.0)])
         keep(weights_file(), patient, "left", ArmWeight(18.4, 1.2, 1_796_000_000))
         out = str(tmp_path / "out")
-        assert main(["progress", patient, "--out", out, "--folder", str(place)]) == 0
+        assert main(["progress", patient, "--page", out, "--folder", str(place)]) == 0
     assert main(["export", "--out", str(tmp_path / "more"), str(place)]) == 0
     return place
 

@@ -184,7 +184,7 @@ def test_the_page_shows_it_on_one_figure(folder, capsys):
     for week, duration in enumerate((3.0, 2.0, 1.0)):
         small_bag(folder, begin_s=MARCH + week * WEEK, reaches=reaches(duration))
     where = ["--folder", str(folder)]
-    assert main(["progress", "P-7K3QX", "--out", str(folder.parent / "out"), *where]) == 0
+    assert main(["progress", "P-7K3QX", "--page", str(folder.parent / "out"), *where]) == 0
     text = (folder.parent / "out" / "P-7K3QX" / "progress.html").read_text()
     assert text.count("<svg") == 1 and "beyond the error of measurement" in text
     assert "claims no benefit" in text and "&lt;svg" not in text
