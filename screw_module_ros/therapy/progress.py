@@ -132,7 +132,8 @@ def progress_of(record: Record, patient: str) -> Progress:
     others = len(same) - sum(same)
     note = f"Figures are of {sum(same)} sessions of {latest['protocol']}, as it was in the latest"
     less = f"; {others} of other protocols or versions have none" if others else ""
-    return Progress(patient, dates, weeks, lines, f"{note}{less}.")
+    other = "Errors of measurement are of another robot and another task (docs/therapy.md)."
+    return Progress(patient, dates, weeks, lines, f"{note}{less}. {other}")
 
 
 def _visit(record: Record, session: Any) -> _Visit:
@@ -153,7 +154,7 @@ def _judged(line: Line, name: str, weeks: Sequence[float]) -> Line:
     change = (values[-1] - values[0]) / abs(values[0])
     where = "beyond" if abs(change) > share else "within"
     said = (f"{change:+.0%} from session {kept[0] + 1} to {kept[-1] + 1}: {where} the error of "
-            f"measurement ({share:.0%}, {source}: another robot, another task)")  # fmt: skip
+            f"measurement ({share:.0%}, {source})")  # fmt: skip
     slope = ""
     if len(kept) >= _LEAST:
         found = theil_sen([weeks[n] for n in kept], values)
@@ -239,7 +240,7 @@ _LINES: tuple[tuple[str, str, Callable[[_Visit], Point]], ...] = (
     ("reached without help [%]", "", _reached),
     *((labelled(name), name, partial(_figure, name))
       for name in ("duration", "sparc", "path_error")),
-    ("reach and work area by support", "pm4", _at_support),
+    ("reach [mm], area, by support", "pm4", _at_support),
     ("support and assistance [N]", "", _help),
     ("largest force [N]", "", _force),
     ("pain, tiredness (0 to 10)", "", _pain),

@@ -31,9 +31,9 @@ def write_progress(file: Path, found: Progress) -> Path:
 
 
 def progress_figure(found: Progress) -> Figure:
-    """Draw each line over the weeks: the first session hollow, the error of measurement grey."""
-    figure = Figure(figsize=(7.4, 6.4), layout="constrained")
-    panels = list(figure.subplots(4, 3).flat)
+    """Draw each line over weeks: the first session hollow, the error of measurement grey."""
+    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    panels = list(figure.subplots(3, 4).flat)
     for axes, line in zip(panels, found.lines, strict=False):
         _draw(axes, found.weeks, line)
     for axes in panels[len(found.lines) :]:
@@ -43,7 +43,8 @@ def progress_figure(found: Progress) -> Figure:
 
 def _draw(axes: Axes, weeks: list[float], line: Line) -> None:
     axes.set_title(line.label)
-    axes.set_xlabel("week")
+    if not any(math.isfinite(point.value) for point in line.points):
+        axes.set(xticks=[], yticks=[])
     if line.base is not None:
         base = line.points[line.base].value
         axes.axhspan(base - line.error * abs(base), base + line.error * abs(base), color="#e4e4e4")

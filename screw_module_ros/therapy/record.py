@@ -43,7 +43,15 @@ from .session import State
 
 RECORD, ACCESS = "record.db", "access.db"
 _KEPT_S = 365 * 86400  # a row of `access` stays so long; ours
-_PRAGMAS = ("foreign_keys=ON", "secure_delete=ON", "journal_mode=DELETE", "trusted_schema=OFF")
+_PRAGMAS = (
+    "page_size=8192",  # most trials lie within a page
+    "foreign_keys=ON", "secure_delete=ON", "journal_mode=DELETE", "trusted_schema=OFF",
+)  # fmt: skip
+_RESULT = (*COLUMNS, "jerk_cutoff", "started_ns", "ended_ns")
+_ROW = (
+    *_RESULT, "start_x", "start_y", "start_z", "target_x", "target_y", "target_z", "started",
+)  # fmt: skip
+"""What is kept of a trial; started: ISO 8601, local time."""
 _SCHEMA = f"""
 BEGIN IMMEDIATE;
 DROP VIEW IF EXISTS patient; DROP VIEW IF EXISTS ranked;
@@ -214,7 +222,7 @@ class Record:
             "SELECT row FROM trial WHERE source = ? AND number = ? ORDER BY trial",
             (session["source"], session["number"]),
         )
-        return [json.loads(text) for (text,) in found]
+        return [dict(zip(_ROW, json.loads(text), strict=True)) for (text,) in found]
 
     def path(self, session: sqlite3.Row) -> Path:
         """Return where the bag of a session lies."""
@@ -328,13 +336,8 @@ def _first(session: Recorded, topic: str, *names: str) -> list[str]:
 
 
 def _text(session: Recorded, row: Row) -> str:
-    """Return a trial as JSON: measures, start and target, and when it was, in local time too."""
+    """Return the values of a trial as JSON, in the order of `_ROW`."""
     begun = session.local(row["started_ns"])
-    told = {
-        **{name: row[name] for name in (*COLUMNS, "jerk_cutoff", "started_ns", "ended_ns")},
-        **{f"{name}_{axis}": value for name in ("start", "target")
-           for axis, value in zip("xyz", row[name], strict=True)},
-        "started": begun.isoformat(timespec="milliseconds") if begun else "",
-    }  # fmt: skip
-    finite = {name: value for name, value in told.items() if value == value}
-    return json.dumps(dict.fromkeys(told) | finite)
+    started = begun.isoformat(timespec="milliseconds") if begun else ""
+    told = [*(row[name] for name in _RESULT), *row["start"], *row["target"], started]
+    return json.dumps([value if value == value else None for value in told])
