@@ -44,9 +44,10 @@ from screw_module_ros.recording.records import notes
 from ..nodes.bringup import shared_process
 from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
+from ..plant.patient import HandPath, hand_point
 from ..terminal import Console, output_option
 from .moving_picture import moving_picture
-from .patient import STILL, Hand, Way, centre_out, targets
+from .patient import STILL, Hand, centre_out, targets
 from .runner import GraphRun, command, new_folder, recordings_in, running
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
@@ -291,18 +292,20 @@ def one_mode(robot: Robot, name: str, cycles: int, passed: Callable[[float], Non
 
 
 def play(
-    robot: Robot, ways: list[Way], duration: float, passed: Callable[[float], None]
-) -> None:
+    robot: Robot, ways: list[tuple[HandPath, HandPath]], duration: float,
+    passed: Callable[[float], None],
+) -> None:  # fmt: skip
     """Publish set points as a game does, for `duration` [s]; move the patient's hand with them."""
     begun_ns = robot.clock.now_ns()
     coming = list(ways)
-    way = coming[0]
+    along_x, along_y = coming[0]
     count = 0
     while (now := (robot.clock.now_ns() - begun_ns) * 1e-9) < duration:
-        if coming and now >= coming[0].begin:
-            way = coming.pop(0)
-            robot.send_arm(arm(target=(*way.end, _LEAVE), duration=way.duration))
-        (x, y), (vx, vy) = way.at(now)
+        if coming and now >= coming[0][0].begin:
+            along_x, along_y = coming.pop(0)
+            target = along_x.target, along_y.target, _LEAVE
+            robot.send_arm(arm(target=target, duration=along_x.duration))
+        (x, vx), (y, vy) = hand_point(along_x, now), hand_point(along_y, now)
         robot.set_setpoint(x, y, SPRING.centre, (vx, vy, 0.0))
         if count % _CHECK_EVERY == 0:
             robot.check_enabled()

@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from screw_module_msgs.srv import SetArm
 
 from ..operator.robot import Robot
-from ..plant.patient import HandPath, hand_point
+from ..plant.patient import HandPath
 
 STILL = (0.0, 0.0, 0.0)
 RADIUS = 0.10
@@ -56,37 +55,26 @@ class Hand:
 # Centre-out reach of MANUS therapy ----------------------------------------------------------------
 
 
-class Way(NamedTuple):
-    """One straight way of the reach.
-
-    begin [s] and duration [s]; start and end: x, y from the workspace centre [m].
-    """
-
-    begin: float
-    duration: float
-    start: tuple[float, float]
-    end: tuple[float, float]
-
-    def at(self, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return position [m] and velocity [m/s], as of the hand that the rig's patient moves."""
-        (x, vx), (y, vy) = (
-            hand_point(HandPath(*ends, self.begin, self.duration, 0.0, 0.0, 0.0), time)
-            for ends in zip(self.start, self.end, strict=True)
-        )
-        return (x, y), (vx, vy)
-
-
 def targets() -> list[tuple[float, float]]:
     """Return the targets x, y [m], evenly on the circle, beginning away from the patient."""
     angles = [math.pi / 2 - 2 * math.pi * number / TARGETS for number in range(TARGETS)]
     return [(RADIUS * math.cos(angle), RADIUS * math.sin(angle)) for angle in angles]
 
 
-def centre_out(duration: float, points: list[tuple[float, float]]) -> list[Way]:
-    """Return the ways to each point and back within `duration` [s], one after the other."""
+def centre_out(
+    duration: float, points: list[tuple[float, float]]
+) -> list[tuple[HandPath, HandPath]]:
+    """Return the ways to each point and back within `duration` [s], one after the other.
+
+    They are paths along x and y, as of the hand of the rig's patient.
+    """
     each = duration / (2 * len(points))
     stops = [stop for point in points for stop in ((0.0, 0.0), point)] + [(0.0, 0.0)]
-    return [
-        Way(number * each, each * (1.0 - _REST), start, end)
-        for number, (start, end) in enumerate(zip(stops, stops[1:], strict=False))
-    ]
+    ways = []
+    for number, (start, end) in enumerate(zip(stops, stops[1:], strict=False)):
+        x, y = (
+            HandPath(*ends, number * each, each * (1.0 - _REST), 0.0, 0.0, 0.0)
+            for ends in zip(start, end, strict=True)
+        )
+        ways.append((x, y))
+    return ways

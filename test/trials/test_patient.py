@@ -10,8 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.operator.robot import arm
+from screw_module_ros.plant.patient import hand_point
 from screw_module_ros.trials import therapy
-from screw_module_ros.trials.patient import RADIUS, Hand, Way, centre_out, targets
+from screw_module_ros.trials.patient import RADIUS, Hand, centre_out, targets
 
 
 @pytest.mark.parametrize(("trait", "said"), [
@@ -37,23 +38,24 @@ def test_out_to_each_target_and_back_one_after_the_other_within_the_time():
     ways = centre_out(16.0, targets())
     assert len(ways) == 16
     for out, back, point in zip(ways[::2], ways[1::2], targets(), strict=True):
-        assert (out.start, out.end) == ((0.0, 0.0), point)
-        assert (back.start, back.end) == (point, (0.0, 0.0))
-    for way, following in zip(ways, ways[1:], strict=False):
+        assert [(axis.start, axis.target) for axis in out] == [(0.0, to) for to in point]
+        assert [(axis.start, axis.target) for axis in back] == [(to, 0.0) for to in point]
+    for x, y in ways:
+        assert (x.begin, x.duration) == (y.begin, y.duration)
+    for (way, _), (following, _) in zip(ways, ways[1:], strict=False):
         assert way.begin + way.duration == pytest.approx(following.begin - 0.1)
-    assert ways[-1].begin + ways[-1].duration == pytest.approx(15.9)
+    assert ways[-1][0].begin + ways[-1][0].duration == pytest.approx(15.9)
 
 
 def test_a_way_begins_and_ends_at_rest_and_its_velocity_is_the_slope_of_its_position():
-    way = Way(0.5, 1.8, (0.0, 0.0), (0.1, -0.05))
-    for time, place in ((0.0, way.start), (0.5, way.start), (2.3, way.end), (99.0, way.end)):
-        position, velocity = way.at(time)
-        assert position == pytest.approx(place)
-        assert velocity == pytest.approx((0.0, 0.0))
-    for time in (0.7, 1.4, 1.8):
-        (x0, y0), _ = way.at(time - 1e-6)
-        (x1, y1), _ = way.at(time + 1e-6)
-        assert way.at(time)[1] == pytest.approx(((x1 - x0) / 2e-6, (y1 - y0) / 2e-6), rel=1e-4)
+    (_, way, *_) = centre_out(8.0, [(0.1, -0.05), (0.0, 0.1)])
+    for along, start in zip(way, (0.1, -0.05), strict=True):
+        assert (along.begin, along.duration) == (2.0, 1.8)
+        for time, place in ((0.0, start), (2.0, start), (3.8, 0.0), (99.0, 0.0)):
+            assert hand_point(along, time) == pytest.approx((place, 0.0))
+        for time in (2.2, 2.9, 3.3):
+            (before, _), (after, _) = hand_point(along, time - 1e-6), hand_point(along, time + 1e-6)
+            assert hand_point(along, time)[1] == pytest.approx((after - before) / 2e-6, rel=1e-4)
 
 
 def test_the_hand_lets_go_once_and_takes_hold_once():
