@@ -516,7 +516,7 @@ class ImpedanceControllerNode(Node):
             "calibration": state.calibration,
             "gain limits": self._limits.identity if self._limits else "none",
             "unstable in the linear model": self._exceeded(),
-            "delay": slow or "no other than calibrated",
+            "delay off": slow or "no",
             "slot refused": self.inputs.slot.refused or "no",
         }
         if controller.reason:

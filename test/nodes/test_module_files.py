@@ -93,11 +93,12 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     assert node.role.settings.gravity == GRAVITY
     assert node.role.settings.observer_inertia == KNOWN_SHARE
     assert node.role.settings.observer_delay == 9e-4
-    assert node.health().values["delay"] == "no other than calibrated"
+    assert node.health().values["delay off"] == "no"
     slow = AmplifierState(latency_p50=2e-3)
     node.inputs = node.inputs._replace(amplifier=lambda: slow)
     node.read_inputs(node.clock.now_ns())
-    assert "after 2.22 ms, in the module's calibration after 0.90" in node.health().values["delay"]
+    told = node.health().values["delay off"]
+    assert "after 2.22 ms, in the module's calibration after 0.90" in told
     node.close()
 
 
