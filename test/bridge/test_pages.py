@@ -550,3 +550,23 @@ def test_nothing_sticks_out_of_the_screen(therapist, open_page, size):
     page.mouse.wheel(0, 5000)
     box = stop.bounding_box()
     assert 0 <= box["y"] and box["y"] + box["height"] <= size[1]  # wherever one has scrolled to
+
+
+DRAWN = """(() => {
+  const canvas = document.querySelector('.machine canvas');
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  return [canvas.clientHeight, data.filter((value, i) => i % 4 === 3 && value > 0).length];
+})()"""
+
+
+@pytest.mark.parametrize("size", [(820, 1180), (1920, 1080)])
+def test_the_robot_is_drawn_and_moves_with_the_hand(therapist, size):
+    """Its card keeps its size while it is drawn, and stays away where movements need the place."""
+    given, page = therapist(size=size)
+    given.until(page, f"{DRAWN}[1] > 2000")
+    height, _ = page.evaluate(DRAWN)
+    page.evaluate("window.first = document.querySelector('.machine canvas').toDataURL()")
+    given.until(page, "document.querySelector('.machine canvas').toDataURL() !== window.first")
+    assert page.evaluate(DRAWN)[0] == height
+    page.set_viewport_size({"width": 1280, "height": 720})
+    assert not page.locator(".machine").is_visible()

@@ -10,6 +10,7 @@ from types import ModuleType, SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
+import yaml
 
 from screw_module_ros.graph import WHOLE
 
@@ -50,7 +51,7 @@ def started(monkeypatch):
         "launch.substitutions": {"LaunchConfiguration": Configuration},
         "launch_ros": {},
         "launch_ros.actions": {"Node": Node},
-        "launch_ros.parameter_descriptions": {"ParameterValue": Mock()},
+        "launch_ros.parameter_descriptions": {"ParameterValue": lambda text, value_type: text},
     }.items():  # fmt: skip
         module = ModuleType(name)
         vars(module).update(content)
@@ -59,10 +60,14 @@ def started(monkeypatch):
     defaults = {argument.name: argument.default_value for argument in file["ARGUMENTS"]}
 
     def start(**given: str) -> dict[str, list[str]]:
+        return {name: each.arguments for name, each in start.nodes(**given).items()}
+
+    def nodes(**given: str) -> dict[str, Node]:
         context = SimpleNamespace(launch_configurations={**defaults, **given})
         actions = file["nodes"](context)
-        return {each.executable: each.arguments for each in actions if isinstance(each, Node)}
+        return {each.executable: each for each in actions if isinstance(each, Node)}
 
+    start.nodes = nodes
     return start
 
 
@@ -85,3 +90,22 @@ def test_one_process_is_one_executable_with_all_nodes(started):
 def test_one_process_is_refused_in_a_sentence(started, given, told):
     with pytest.raises(ValueError, match=told):
         started(one_process="true", **given)
+
+
+@pytest.fixture
+def viewers(monkeypatch):
+    """Every package counts as installed, before the launch file is read."""
+    monkeypatch.setattr("ament_index_python.packages.get_package_prefix", lambda package: package)
+
+
+def test_robots_with_a_prefix_share_a_tf_and_one_rviz(viewers, started):
+    """Without one, each has a TF of its own, and its frames keep their names."""
+    for prefix, topics in (("", [("/tf", "tf"), ("/tf_static", "tf_static")]), ("left_", [])):
+        shown = started.nodes(namespace="left", prefix=prefix, rviz="true")
+        publisher, viewer = shown["robot_state_publisher"], shown["rviz2"]
+        assert publisher.remappings == viewer.remappings == topics
+        (described,) = publisher.parameters
+        assert f'<link name="{prefix}handle">' in described["robot_description"]
+        fixed = yaml.safe_load(Path(viewer.arguments[1]).read_text("utf-8"))
+        fixed = fixed["Visualization Manager"]["Global Options"]["Fixed Frame"]
+        assert fixed == f"{prefix}manus_base"

@@ -149,6 +149,13 @@ def test_the_handle_is_where_the_laws_have_it_and_the_loop_is_closed():
         assert machine.data.efc_pos[:3] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_mujoco_reads_the_urdf_too():
+    """As a tree, without the joints that mimic: a parser that is not ours takes it."""
+    model = mujoco.MjModel.from_xml_string(described.robot_description())
+    names = {model.joint(number).name for number in range(model.njnt)}
+    assert {"shoulder", "elbow", "vertical", "crank", "coupler", "screw"} <= names
+
+
 def test_masses_are_the_plant_s():
     """The mass matrix of both motors' angles, the loop closed, to 1e-9."""
     machine, planar = Machine(), load_world().planar
