@@ -274,8 +274,9 @@ MEASURES = (
         "Missing samples between a trial's first and last one.",
     ),
 )  # fmt: skip
-DEFINITIONS = 1
-"""Number of this table, raised when a column means something else: the record is made again."""
+DEFINITIONS = 2
+"""Number of this table, raised when a column means something else, or the record keeps it
+otherwise: the record is made again."""
 BY_NAME = {measure.name: measure for measure in MEASURES}
 COMPUTED = tuple(measure.name for measure in MEASURES if measure.of is not None)
 COLUMNS = (

@@ -3,8 +3,8 @@
 
 A figure of a session is the median of its unassisted reaches, with the distribution-free interval
 of its order statistics; sessions are compared with those of the same protocol alone. The first one
-is learning and no part of a slope. Whether a change is larger than what another robot measured
-twice without one is all that is said; nothing here claims a benefit.
+of them is learning and no part of a slope. Whether a change is larger than what another robot
+measured twice without one is all that is said; nothing here claims a benefit.
 """
 
 from __future__ import annotations
@@ -108,9 +108,9 @@ def interval(values: Sequence[float], chances: np.ndarray) -> tuple[float, float
 
 
 def theil_sen(times: Sequence[float], values: Sequence[float]) -> tuple[float, float, float]:
-    """Return the median slope of all pairs and its interval of 95 % (sen1968). Times differ."""
+    """Return the median slope of all pairs and its interval of 95 % (sen1968)."""
     pairs = combinations(zip(times, values, strict=True), 2)
-    slopes = [(y - v) / (x - u) for (u, v), (x, y) in pairs]
+    slopes = [(y - v) / (x - u) for (u, v), (x, y) in pairs if x != u]
     return median(slopes), *interval(slopes, disorders(len(values)))
 
 
@@ -146,10 +146,10 @@ def _visit(record: Record, session: Any) -> _Visit:
 
 def _judged(line: Line, name: str, weeks: Sequence[float]) -> Line:
     """Say what a figure's sessions but the first one show."""
-    kept = [n for n, point in enumerate(line.points) if n and math.isfinite(point.value)]
-    if not name or len(kept) < 2:
-        return line
+    kept = [n for n, point in enumerate(line.points) if math.isfinite(point.value)][1:]
     values = [line.points[n].value for n in kept]
+    if not name or len(kept) < 2 or not values[0]:  # a path up and down has no error
+        return line
     share, source = ERRORS[name]
     change = (values[-1] - values[0]) / abs(values[0])
     where = "beyond" if abs(change) > share else "within"
@@ -171,7 +171,7 @@ def _dose(visit: _Visit) -> Point:
 
 
 def _reached(visit: _Visit) -> Point:
-    count, all_ = sum(row["reached"] for row in visit.free), len(visit.free)
+    count, all_ = sum(bool(row["reached"]) for row in visit.free), len(visit.free)
     return Point(100.0 * count / all_, text=f"{count} of {all_}") if all_ else Point()
 
 
@@ -205,7 +205,7 @@ def _help(visit: _Visit) -> Point:
     newtons = visit.session["support"] or 0.0
     text = f"{newtons:.0f} N, walls in {len(held)} of {len(visit.trials)}"
     for row in held[-1:]:
-        text += f", {row['slot_duration']:.2f} s, {row['side_stiffness']:.0f} N/m"
+        text += f", {row['slot_duration'] or 0:.2f} s, {row['side_stiffness'] or 0:.0f} N/m"
     return Point(newtons, text=text)
 
 

@@ -48,8 +48,9 @@ def _draw(axes: Axes, weeks: list[float], line: Line) -> None:
     if line.base is not None:
         base = line.points[line.base].value
         axes.axhspan(base - line.error * abs(base), base + line.error * abs(base), color="#e4e4e4")
-    for number, (week, point) in enumerate(zip(weeks, line.points, strict=True)):
+    face = "white"
+    for week, point in zip(weeks, line.points, strict=True):
         if math.isfinite(point.low):
             axes.plot([week, week], [point.low, point.high], color=DESIRED, lw=0.8)
-        axes.plot(week, point.value, "o", ms=4, color=COLOURS[0],
-                  markerfacecolor=COLOURS[0] if number else "white")  # fmt: skip
+        axes.plot(week, point.value, "o", ms=4, color=COLOURS[0], markerfacecolor=face)
+        face = COLOURS[0] if math.isfinite(point.value) else face

@@ -6,8 +6,10 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import shutil
 from contextlib import closing
 from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +30,7 @@ from screw_module_ros.therapy.progress_page import progress_figure
 from screw_module_ros.therapy.record import Record
 from screw_module_ros.therapy.session import State
 
+OLD = next((Path(__file__).parents[1] / "data" / "bags").glob("P-7K3QX_*"))
 WEEK = 7 * 86400
 
 
@@ -73,8 +76,8 @@ def test_the_interval_of_a_slope_holds_the_true_one_in_95_of_100():
 
 def reaches(duration: float, count: int = 7, **more):
     spread = (n / 100 - 0.03 for n in range(count))
-    return [{"duration": duration + d, "sparc": -1.5, "path_error": 0.004, "pm4": 0.12,
-             "mean_speed": 0.1, **more} for d in spread]  # fmt: skip
+    fixed = {"sparc": -1.5, "path_error": 0.004, "pm4": 0.12, "mean_speed": 0.1}
+    return [{"duration": duration + d, **fixed, **more} for d in spread]
 
 
 @pytest.fixture
@@ -151,6 +154,26 @@ def test_other_protocols_are_not_compared(folder):
     assert "; 1 of other protocols or versions have none." in progress.note
 
 
+def test_the_first_session_of_a_protocol_is_learning_too(folder):
+    small_bag(folder, begin_s=MARCH, reaches=reaches(5.0), definition=protocol(count=3))
+    for week, duration in enumerate((9.0, 2.0, 1.0), 1):
+        small_bag(folder, begin_s=MARCH + week * WEEK, reaches=reaches(duration))
+    progress = found(folder)
+    assert line(progress, "duration").change.startswith("-50% from session 3 to 4: beyond")
+    drawn = progress_figure(progress).axes[2]
+    faces = [each.get_markerfacecolor() for each in drawn.get_lines() if each.get_marker() == "o"]
+    assert faces[:2] == ["white"] * 2 and "white" not in faces[2:]
+
+
+def test_nothing_is_said_of_a_figure_that_is_zero(folder):
+    """A path up and down has no error: it was a division by zero."""
+    for week in range(3):
+        small_bag(folder, begin_s=MARCH + week * WEEK, reaches=reaches(1.0, path_error=0.0))
+    error = line(found(folder), "path")
+    assert (error.change, error.slope, error.base) == ("", "", None)
+    assert error.points[2].text.startswith("0.0 (")
+
+
 def test_scores_of_the_day_and_what_stopped_it_stand_beside_the_figures(folder):
     acts = ((State.RUNNING, ""), (State.PAUSED, "torque"), (State.RUNNING, ""),
             (State.PAUSED, "torque"), (State.ABORTED, "the therapist ended it"))  # fmt: skip
@@ -179,6 +202,13 @@ def test_a_score_off_its_scale_is_refused(folder, scale, value, why, capsys):
     code = main(["score", "--folder", str(folder), "--", "P-7K3QX", scale, value])
     assert code == 1 and why in capsys.readouterr().err
     assert not (folder / "P-7K3QX_scores.json").exists()
+
+
+def test_a_bag_of_an_older_version_has_a_progress_too(folder, capsys):
+    shutil.copytree(OLD, folder / OLD.name)
+    assert main(["progress", "P-7K3QX", "--folder", str(folder)]) == 0
+    told = capsys.readouterr().out
+    assert "4 movements" in told and "2026-11-24 12:05" in told
 
 
 def test_the_page_shows_it_on_one_figure(folder, capsys):
