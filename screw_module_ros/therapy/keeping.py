@@ -62,8 +62,8 @@ def forget(record: Record, folder: Path, pseudonym: str) -> None:
         with record.writing():
             for path in own:
                 record.base.execute("DELETE FROM source WHERE name = ?", (path.name,))
-            for table in ("session", "score", "kept.access"):
-                record.base.execute(f"DELETE FROM {table} WHERE pseudonym = ?", (pseudonym,))
+            for where in ("session WHERE", "score WHERE", "kept.access WHERE instr(place, ?1) OR"):
+                record.base.execute(f"DELETE FROM {where} pseudonym = ?1", (pseudonym,))
             record.base.execute("INSERT OR REPLACE INTO kept.forgotten VALUES (?, ?)",
                                 (digest(pseudonym), int(time.time())))  # fmt: skip
         for schema in ("main", "kept"):

@@ -39,6 +39,7 @@ from screw_module_ros.parameter_files import sections
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol
+from screw_module_ros.therapy.scores import scores_in
 
 _ODD = (
     ".inf", ".nan", "-.inf", "1e400", "1e-4", "2001-99-99", "2001-01-01", "null", "true", "''",
@@ -47,6 +48,10 @@ _ODD = (
 )  # fmt: skip
 
 
+_SCORES = (
+    'scores:\n- at: "2026-03-03T13:05:00+01:00"\n  scale: FM_UE\n  value: 34.0\n'
+    '- at: "2026-03-04T09:00:00+01:00"\n  scale: pain_after\n  value: 3\n'
+)
 _GAINS = "{force_gain: 3.5, observer_gain: 4.9}"
 
 
@@ -102,6 +107,7 @@ class YamlInputs:
             ("gain limits", lambda path: load_gain_limits(path, "SIM-1"), _gain_limits()),
             ("plant", load_world, [plant]),
             ("protocol", load_protocol, protocols),
+            ("scores", lambda path: scores_in(Path(path)), [_SCORES]),
             ("parameter file", sections, [sim, hardware]),
             ("bringup's file", lambda path: plan(params=path), [sim, hardware]),
         ]

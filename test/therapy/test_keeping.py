@@ -71,6 +71,9 @@ def test_a_forgotten_patient_is_found_nowhere(folder, monkeypatch, capsys):
     """Below sessions, state and reports: not in the record, nor in what it freed."""
     small_bag(folder, HER, MARCH + 9 * DAY, closed=False)
     shutil.copytree(folder / sessions(folder)[-1], folder / "renamed")
+    named = folder.parent / f"for_{HER}"
+    assert main(["export", "--out", str(named), str(folder)]) == 0
+    shutil.rmtree(named)  # the log alone names it
     assert len(found(folder.parent, HER)) > 8
     kept = rows(folder)
     capsys.readouterr()
