@@ -243,7 +243,8 @@ def main(
         return
     STUDIES.write_text(page, "utf-8")
     for picture in (picture for folder in studies for picture in folder.glob("*.png")):
-        shutil.copyfile(picture, STUDIES.parent / f"impedance_{picture.name}")
+        if "," not in picture.name:  # one for each mode, as it is shipped
+            shutil.copyfile(picture, STUDIES.parent / f"impedance_{picture.name}")
     kept |= found
     KEPT.write_text(
         _HEAD + yaml.safe_dump(kept, sort_keys=False, allow_unicode=True), encoding="utf-8"

@@ -165,22 +165,26 @@ def _rests(samples: Samples, spring: float, damper: float, centre: float) -> flo
 
 def draw(found: dict[str, Any], kind: Kind, families: dict[str, str]) -> Figure:
     """Draw the impedance of a kind over frequency and its Z-width; found: of the study."""
-    figure, (left, right) = panels(1, 2, (9.0, 4.4))
+    figure, (left, right) = panels(1, 2, (9.4, 4.8))
     omega = 2.0 * np.pi * np.array(FREQUENCIES)
     left.plot(FREQUENCIES, SPRING / omega, "--", color=DESIRED, label="asked for: the spring")
-    for (family, text), colour in zip(families.items(), COLOURS, strict=False):
+    for number, (family, text) in enumerate(families.items()):
+        colour, at = COLOURS[number], np.arange(len(_HELD)) + 0.16 * (number - 0.5)
         of = found[family]
         resistance, mass = (_values(of, _SINES, part, kind) for part in ("resistance", "mass"))
         sizes = np.hypot(resistance, omega[:, None] * mass - (SPRING / omega)[:, None])
         left.plot(FREQUENCIES, np.nanmedian(sizes, axis=1), "o-", color=colour, ms=3, label=text)
         left.fill_between(FREQUENCIES, np.nanmin(sizes, axis=1), np.nanmax(sizes, axis=1),
                           color=colour, alpha=0.15, linewidth=0.0)  # fmt: skip
-        for part, dash, said in (("stiffest", "-", "stable"), ("kept", ":", "with its gain")):
-            springs = np.maximum(_values(of, _HELD, part, kind), 10.0)
-            at = range(len(_HELD))
-            right.plot(at, np.median(springs, axis=1), f"o{dash}", color=colour, ms=4,
-                       label=f"{text}, {said}")  # fmt: skip
-            right.plot(at, springs.min(axis=1), f"v{dash}", color=colour, ms=6, mfc="none", lw=0.6)
+        springs, kept = (
+            np.maximum(_values(of, _HELD, part, kind), 10.0) for part in ("stiffest", "kept")
+        )
+        for y, mark, fill, said in (
+            (np.median(springs, axis=1), "o", colour, "stable, median"),
+            (springs.min(axis=1), "v", "none", "stable, worst rig"),
+            (np.median(kept, axis=1), "x", colour, "gain kept, median"),
+        ):
+            right.plot(at, y, mark, color=colour, mfc=fill, ms=6, label=f"{text}: {said}")
     left.set(xscale="log", yscale="log", xlabel="frequency [Hz]", title="|Z| at the handle [Ns/m]")
     left.set_xticks(FREQUENCIES, [f"{hertz:g}" for hertz in FREQUENCIES])
     left.minorticks_off()
@@ -190,9 +194,9 @@ def draw(found: dict[str, Any], kind: Kind, families: dict[str, str]) -> Figure:
         f"{load}\n{damper:g}".replace(" of ", "\nof ") for load, damper in _HELD.values()
     ])  # fmt: skip
     left.legend()
-    right.legend(fontsize=8)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(
-        f"{kind.name}. Left: median and range of the rigs. Right: median, and worst rig (open)",
+        f"{kind.name}: median and range of the rigs",
         x=0.01, ha="left", fontsize=10,
     )  # fmt: skip
     return figure
