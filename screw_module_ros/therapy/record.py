@@ -22,7 +22,7 @@ import os
 import sqlite3
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -136,12 +136,12 @@ class Record:
         assert self.folder is not None
         known = dict(self.base.execute("SELECT * FROM source")) if self.is_current else {}
         found = {}
-        for path in sources(self.folder):
-            unread = thorough or path.name not in known and (path / METADATA_FILE).exists()
-            if unread or path.is_file():
-                found[path.name] = sum_of(path)
-            elif path.name in known:
-                found[path.name] = known[path.name]
+        for path in sources(self.folder, () if thorough else known):
+            name, is_new = path.name, path.name not in known and (path / METADATA_FILE).exists()
+            if thorough or is_new or name.endswith(ENDING):
+                found[name] = sum_of(path)
+            elif name in known:
+                found[name] = known[name]
         changed = [name for name in found if found[name] != known.get(name)]
         gone = known.keys() - found.keys()
         if self.is_current and not (changed or gone):
@@ -273,9 +273,13 @@ def local(session: sqlite3.Row) -> datetime | None:
     return found if offset is not None else found.replace(tzinfo=None)
 
 
-def sources(folder: Path) -> list[Path]:
-    """Return the bags directly below a folder, and the files of scores in it."""
-    bags = {path.parent for path in folder.glob("[!.]*/[!.]*.mcap*")}
+def sources(folder: Path, known: Container[str] = ()) -> list[Path]:
+    """Return the bags directly below a folder, and the files of scores in it.
+
+    known: names of bags into which it does not look.
+    """
+    bags = {path for path in folder.glob("[!.]*")
+            if path.name in known or any(path.glob("[!.]*.mcap*"))}  # fmt: skip
     return sorted({*bags, *folder.glob(f"P-?????{ENDING}")})
 
 
