@@ -42,7 +42,6 @@ NOT_SAID = (
     r"^(tared|back to|homed at|reset;|stopped;|the fault is cleared|record(ed|ing) to|running in)",
     r"^this module's \{\}: ",
     r"^(mode|session|looking for topics:|calibration) \{\}[,:]|all inputs fresh|is closed$",
-    r"^no other than calibrated$",
     r"^the (therapist|node) (paused|ended|was stopped)",
 )
 

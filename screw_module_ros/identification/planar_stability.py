@@ -46,7 +46,7 @@ from .trials import PLANE, SWEPT, PlanarTrial, PlaneLoop, Samples
 NAME = "planar_stability"
 FILE = "plane_gain_limits.yaml"
 _AXES = {"x": 0.0, "y": 0.5 * math.pi}
-_SLIDES = HandPath(0.0, 0.0, 0.0, 0.0, 0.03, 3.0, 0.0)  # of the hand: faster than friction sticks
+_SLIDES = HandPath(0.0, 0.0, 0.0, 0.0, 0.03, 3.0, 0.0)  # path of a hand faster than friction sticks
 _BETWEEN = 0.25 * math.pi
 _SEGMENT_S = 4.0
 _BELOW = (6.0, 10.0)  # [Hz] where hand and arm move as one

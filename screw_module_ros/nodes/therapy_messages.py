@@ -75,7 +75,7 @@ def fill_state(
 
 def fill_arm(message: TherapyState, arm: Arm) -> None:
     """Write what is known of the arm, and where the dialogue is that weighs it."""
-    message.arm, message.support = arm.led if arm.lowering else arm.told, arm.force
+    message.arm, message.support = arm.refusal if arm.lowering else arm.told, arm.force
     message.arm_weight, message.arm_spread, _ = arm.weight
     if arm.weighing:
         hangs = Phase.MOVING if arm.weighing.wish.plane else Phase.NONE

@@ -336,8 +336,8 @@ class TherapySessionNode(Node):
         if course.session is not None and course.is_under_way:
             return f"a session of {course.patient} is {course.session.state.word}: end it first"
         sample, now_ns = course.sample, self.clock.now_ns()
-        if sample is None or course.silent(now_ns) or course.arm.led:
-            return course.silent(now_ns) or course.arm.led
+        if sample is None or course.silent(now_ns) or course.arm.refusal:
+            return course.silent(now_ns) or course.arm.refusal
         if start_refusal := self._recording.start_refusal(patient, request.record, now_ns):
             return start_refusal
         course.arm.know(patient, request.side)
@@ -371,7 +371,7 @@ class TherapySessionNode(Node):
             return "a session is under way: weigh before it, or end it first"
         now_ns, limits = self.clock.now_ns(), self.parameters.read(WishLimits, "wish")
         if not arm.weighing:
-            if silent := course.silent(now_ns) or arm.led:
+            if silent := course.silent(now_ns) or arm.refusal:
                 return silent
             course.attendance.begin(request.attended, now_ns)
             self._wishes.begin(limits, course.hand(now_ns), now_ns)

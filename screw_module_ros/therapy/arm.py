@@ -61,7 +61,7 @@ class Arm:
         return self.weighing.wish if self.weighing else self.lowering
 
     @property
-    def led(self) -> str:
+    def refusal(self) -> str:
         """Return why no session may begin, empty if one may."""
         if self.weighing:
             return WEIGHED
