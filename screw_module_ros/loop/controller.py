@@ -111,9 +111,10 @@ class VerticalController:
         slot = self.guide.guidance(sample.position, 0.0, sample.velocity, 0.0, now_ns, dt)
         active = not self.reason and self._enabled is True
         excites = self.mode == EXCITATION
-        support = self.support.force(
-            self.support_limit, active and not excites, sample.velocity, self._hand, now_ns, dt
-        )
+        support, acts, hand = 0.0, active and not excites, self._hand
+        if not self.support.idle(now_ns):  # most ticks carry nothing, and have no time to spare
+            largest = self.support_limit
+            support = self.support.force(largest, acts, sample.velocity, hand, now_ns, dt)
         # Where no spring pulls, a set point that nobody repeats is forgotten too.
         pulls = active and self.mode not in _NO_SPRING
         target, target_speed = self.wanted.at(now_ns, pulls)
@@ -124,7 +125,7 @@ class VerticalController:
             self.handle_force,
             target,
             target_speed,
-            active and not excites,
+            acts,
             slot.force_x,
             slot.weight,
             support,

@@ -27,6 +27,11 @@ class Support:
         self._wish = wish
         self._asked.note(now_ns)
 
+    def idle(self, now_ns: int) -> bool:
+        """Return whether nobody asks, none is left, and no hand is off."""
+        s = self.state
+        return s.force == 0.0 and not s.hand_off and not self._asked.fresh(now_ns)
+
     def force(
         self, largest: float, acts: bool, velocity: float, hand: ForceReading | None, now_ns: int,
         dt: float,
