@@ -38,7 +38,8 @@ NOT_PHYSICAL = {
 """Numbers of the parameter files that are addresses, rates of programs, choices and signs."""
 MADE_ELSEWHERE = {
     "NAME.yaml", "params/devices/NAME.yaml", "report.md", "report.html", "results.yaml",
-    "scores.json", "/config.json", "ROSBRIDGE_PROTOCOL.md",
+    "scores.json", "/config.json", "ROSBRIDGE_PROTOCOL.md", "columns.csv", "scores.csv",
+    "sessions.csv", "trials.csv",
 }  # fmt: skip
 """Files that comments name and the repository lacks: programs write them, or others have them."""
 
@@ -268,12 +269,12 @@ def test_every_file_that_a_comment_names_exists():
 
 
 YEARED = re.compile(r"\b[a-z]{2,}(?:19|20)\d\d[a-z]*\b")  # an author and a year
-PROGRAMS = re.compile(r"\b(?:imtclock|inmotionpy)\b")
+UNDATED = re.compile(r"\b(?:imtclock|inmotionpy|inmotionretest)\b")
 
 
 def works_named(texts: list[str]) -> set[str]:
     """Return the keys of works that texts name."""
-    return {key for text in texts for key in YEARED.findall(text) + PROGRAMS.findall(text)}
+    return {key for text in texts for key in YEARED.findall(text) + UNDATED.findall(text)}
 
 
 def test_every_work_that_is_named_has_an_entry_and_every_entry_is_named():
