@@ -185,8 +185,8 @@ class SessionRecording:
                 self._stopper.call_async(Trigger.Request()).add_done_callback(self._stopped)
         elif success:
             self._started_ns, self._due_ns = self._clock.now_ns(), None
-            self.message = f"recording to {answer.message}"
-            self._node.get_logger().info("the session is recorded")  # logs name no patient
+            self.message = "the session is recorded"  # the bag's name has the pseudonym
+            self._node.get_logger().info(self.message)
         else:
             self._refusal = f"not recorded: {answer.message if answer else 'no answer'}"
 
@@ -230,8 +230,8 @@ class SessionRecording:
         if self._state == _CLOSING:
             self._to(_OFF)
         if answer is not None and answer.success:
-            self.message = f"recorded to {answer.message}"
-            self._node.get_logger().info("the recording is closed")
+            self.message = "the recording is closed"
+            self._node.get_logger().info(self.message)
         else:
             self.message = f"the bag was not closed: {answer.message if answer else 'no answer'}"
             self._node.get_logger().warning(self.message)

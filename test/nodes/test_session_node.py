@@ -244,7 +244,7 @@ def test_a_recording_ends_a_second_after_its_session(recording, recorder):
     assert late == "", "a mute recorder is waited for no more"
     recorder.answer("stop", DONE)
     assert recording.start_refusal("P-22222", True, 4 * S) == ""
-    assert recording.message == "recorded to bag"
+    assert recording.message == "the recording is closed", "it goes to /diagnostics: no bag's name"
 
 
 def test_a_recording_that_begins_after_the_end_is_ended(recording, recorder):
