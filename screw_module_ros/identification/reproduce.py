@@ -33,6 +33,7 @@ from .trials import NotPossible
 
 ON_EVERY_MODULE = (
     "static_torque",
+    "torque_response",
     "friction_map",
     "gravity",
     "friction_model",
