@@ -10,6 +10,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.experiments import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.reproduce import ON_EVERY_MODULE
 from screw_module_ros.identification.trials import (
     MOTION,
     WAYS_OUT,
@@ -22,6 +23,12 @@ from screw_module_ros.identification.trials import (
     require,
 )
 from screw_module_ros.settings import fields, plain, validated
+
+
+def test_every_module_gets_what_its_experiments_need_first():
+    """The calibration came to need the loop's delay, which only the thesis's module had."""
+    for number, name in enumerate(ON_EVERY_MODULE):
+        assert set(EXPERIMENTS[name].needs) <= set(ON_EVERY_MODULE[:number]), name
 
 
 def test_needs_come_first():
