@@ -39,6 +39,7 @@ from screw_module_ros.therapy.hand import PLANE, HandSample
 from screw_module_ros.therapy.protocol import CIRCLE, Protocol
 from screw_module_ros.therapy.recorded import Act, Recorded
 from screw_module_ros.therapy.session import Session, State
+from screw_module_ros.therapy.support import Carried
 from screw_module_ros.therapy.trial import Phase
 
 STEP_NS = 2_500_000
@@ -114,6 +115,8 @@ class Simulation:
         self.person = person
         self.chance = random.Random(f"patient {seed}")
         self.robot = robot
+        if session.protocol.blocks[0].support is None:  # it leaves the support as it is
+            session.carried = Carried(None, session.carried.weight, robot.support)
         x, y, z = session.protocol.centre
         self.muscles, self.height = RESTED, z
         self._have(resting_patient(person.arm, x, y, z))
@@ -238,8 +241,7 @@ class Simulation:
             STEP,
         )
         rise, machine = z - self.height, self.robot
-        asked = self.session.carried.force
-        height = machine.support if math.isnan(asked) else asked
+        height = self.session.carried.force
         if machine.hold and self.session.protocol.space == PLANE:
             height -= machine.hold * rise + 2.0 * math.sqrt(machine.hold * machine.mass) * vz
         height_state = self.slots[1]

@@ -140,17 +140,15 @@ def test_what_a_protocol_does_not_use_is_held_where_the_hand_is(name, place):
     assert session.wish.hold is None, "what pulled it before lets it go first"
     rest(session, here)
     hold = session.wish.hold
-    at = (place[2], 0.0) if hold.vertical else place[:2]
-    assert hold.vertical is (name == "clock_adaptive")
-    assert hold.slot[:4] == (*at, *at)
-    assert (hold.slot.side_stiffness, hold.slot.half_width) == (800.0, 0.0)
+    assert hold == (place, name == "clock_adaptive", 800.0)
     session.take(sample._replace(x=0.01, z=0.2))
     assert session.wish.hold == hold, "it stays where it began"
     session.pause("the arm pulls hard")
     assert session.wish == NO_SLOT
     session.resume()
     rest(session, here._replace(z=0.21) if hold.vertical else here._replace(x=0.02))
-    assert session.wish.hold.slot.start_x == (0.21 if hold.vertical else 0.02), "held anew"
+    x, _, z = session.wish.hold.point
+    assert (z if hold.vertical else x) == (0.21 if hold.vertical else 0.02), "held anew"
     session.abort("the therapist ended it")
     assert session.wish == NO_SLOT
 
@@ -165,7 +163,7 @@ def test_an_axis_without_torque_or_home_is_not_held(gone):
     session.take(sample._replace(**gone))
     assert session.state == State.RUNNING and session.wish.hold is None
     session.take(sample._replace(z=0.1))
-    assert session.wish.hold.slot.start_x == 0.1
+    assert session.wish.hold.point[2] == 0.1
 
 
 def test_in_space_every_axis_is_guided():
