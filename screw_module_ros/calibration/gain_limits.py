@@ -29,8 +29,8 @@ from ..control.laws import LAWS, margin_of, modes_of_gains, parameter_of
 from ..control.laws.thesis import THESIS
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Field, Setting, SettingError, fields, problem, shown
-from ..settings_file import load, read_file, read_text
-from .limits_file import text_checksum
+from ..settings_file import load, read_file
+from .limits_file import was_changed
 from .module import check_serial
 from .version import fits, law_version
 
@@ -40,7 +40,6 @@ VERSION = 3
 _OLD_FORMAT = "screw_module_ros/certificate"
 LOADS = ("hand", "heavy_arm", "wall")
 """Loads that limit; `stability.ENVIRONMENTS` says what each is."""
-_CHECKSUM = "sha256: "
 _AGAIN = "run stability and delivered_impedance again"
 
 
@@ -322,7 +321,7 @@ def load_gain_limits(path: str | Path, serial: str) -> GainLimits:
         if of[:1] == (_OLD_FORMAT,):
             told = told.replace(f"laws.{THESIS.name}.largest_gains_on.hand", "permitted_gains")
         raise SettingError(f"{told}; restore the file as it was written, or {_AGAIN}") from None
-    if limits.sha256 != text_checksum(read_text(path).rpartition(_CHECKSUM)[0]):
+    if was_changed(path, limits.sha256):
         raise SettingError(
             f"{path}: sha256: the file was changed after it was written; restore it, or {_AGAIN}"
         )

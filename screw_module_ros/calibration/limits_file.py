@@ -4,9 +4,13 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting
+from ..settings_file import read_text
+
+_CHECKSUM = "sha256: "
 
 
 class GainLimitsSettings(NamedTuple):
@@ -29,3 +33,8 @@ class GainLimitsSettings(NamedTuple):
 def text_checksum(text: str) -> str:
     """Return the checksum of a file's text before its last line."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def was_changed(path: str | Path, checksum: str) -> bool:
+    """Return whether a file is another than the one with that checksum. Raises SettingError."""
+    return checksum != text_checksum(read_text(path).rpartition(_CHECKSUM)[0])

@@ -28,8 +28,8 @@ from typing import Annotated, NamedTuple
 from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, SettingError
-from ..settings_file import read_file, read_text
-from .limits_file import text_checksum
+from ..settings_file import read_file
+from .limits_file import was_changed
 from .module import check_serial
 from .plane_version import plane_law_version
 
@@ -87,7 +87,7 @@ def load_plane_limits(path: str | Path, serial: str) -> PlaneGainLimits:
     belongs to another plane or another version of the law.
     """
     found = read_file(path, PlaneGainLimits, FORMAT, VERSION)
-    if found.sha256 != text_checksum(read_text(path).rpartition("sha256: ")[0]):
+    if was_changed(path, found.sha256):
         raise SettingError(f"{path}: sha256: the file was changed after it was written: {_AGAIN}")
     check_serial(path, found.serial, serial)
     if found.law != (version := plane_law_version(PLANE_IMPEDANCE)):

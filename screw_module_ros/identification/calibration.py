@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         path,
         ModuleCalibration(
             serial=own_serial(lab, settings.serial),
-            date=_now(),
+            date=date_now(),
             software=version(),
             friction=friction_model.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
@@ -108,19 +109,24 @@ def write_gain_limits(lab: Lab, result: Result, serial: str) -> None:
         "format": gain_limits.FORMAT,
         "version": gain_limits.VERSION,
         "serial": serial,
-        "date": _now(),
+        "date": date_now(),
         "software": version(),
         "bench": lab.stand.name,
         "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
         "delivered": {q.name: _delivered(q) for q in result.quantities} | _over_frequency(result),
     }
     content["laws"] = _laws(lab)
-    text = as_yaml(content)
-    text += as_yaml({"sha256": text_checksum(text)})
-    replace(lab.folder / GAIN_LIMITS, text)
+    write_sealed(lab.folder / GAIN_LIMITS, content)
 
 
-def _now() -> str:
+def write_sealed(path: Path, content: dict[str, Any]) -> None:
+    """Write a file of gain limits with the checksum of its text at the end. Raises OSError."""
+    text = _as_yaml(content)
+    replace(path, text + _as_yaml({"sha256": text_checksum(text)}))
+
+
+def date_now() -> str:
+    """Return the present date as such files have it, in UTC."""
     return datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
@@ -262,6 +268,6 @@ def _rounded(value: float) -> float | None:
     return round(value, 2) if math.isfinite(value) else None
 
 
-def as_yaml(content: dict[str, Any]) -> str:
+def _as_yaml(content: dict[str, Any]) -> str:
     """Return a text of YAML, in the order of the keys."""
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

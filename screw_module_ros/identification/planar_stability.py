@@ -18,24 +18,21 @@ linear loop (`planar_sampled_loop`), the smaller ones of both sets of joint iner
 from __future__ import annotations
 
 import math
-from datetime import datetime, timezone
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy import signal
 
 from ..calibration import plane_limits
-from ..calibration.limits_file import text_checksum
 from ..calibration.plane_version import plane_law_version
 from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.planar_settings import PlanarSettings
-from ..files import replace
 from ..plant.patient import HandPath
 from ..plant.planar import INERTIAS
 from ..plant.settings import load_world
 from ..settings import Setting, validated
 from ..software import version
-from .calibration import as_yaml, own_serial
+from .calibration import date_now, own_serial, write_sealed
 from .figures import COLOURS, DESIRED, panels
 from .lab import Lab, Part
 from .planar_sampled_loop import MOST, Plane, first_modes, largest_gain
@@ -106,15 +103,14 @@ def run(lab: Lab, settings: Settings) -> Result:
         quantities.append(Quantity(f"limit_{name}", gain, math.nan, "", text, kind))
     content = {
         "format": plane_limits.FORMAT, "version": plane_limits.VERSION, "serial": serial,
-        "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"), "software": version(),
+        "date": date_now(), "software": version(),
         "law": plane_law_version(PLANE_IMPEDANCE), "rate": loop.rate,
         "force_cutoff": law.force_cutoff, "found_by": by, "first_mode_Hz": round(mode, 1),
         "largest_gains_on": {
             name: math.floor(100.0 * min(gain, MOST)) / 100.0 for name, gain in gains.items()
         },
     }  # fmt: skip
-    text = as_yaml(content)
-    replace(lab.folder / FILE, text + as_yaml({"sha256": text_checksum(text)}))
+    write_sealed(lab.folder / FILE, content)
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
 
 

@@ -116,7 +116,9 @@ def theil_sen(times: Sequence[float], values: Sequence[float]) -> tuple[float, f
 
 def progress_of(record: Record, patient: str) -> Progress:
     """Return the progress of a patient. Raises ValueError for one without a dated session."""
-    visits = [_visit(record, row) for row in record.sessions(patient) if row["begun"] is not None]
+    scores = record.scores(patient)
+    visits = [_visit(row, record.trials(row), scores) for row in record.sessions(patient)
+              if row["begun"] is not None]  # fmt: skip
     if not visits:
         raise ValueError(f"the record has no dated session of {patient}")
     latest = visits[-1].session
@@ -136,9 +138,9 @@ def progress_of(record: Record, patient: str) -> Progress:
     return Progress(patient, dates, weeks, lines, f"{note}{less}. {other}")
 
 
-def _visit(record: Record, session: Any) -> _Visit:
-    day, trials = local(session), record.trials(session)
-    scores = {row["scale"]: row["value"] for row in record.scores(session["pseudonym"])
+def _visit(session: Any, trials: list[Row], all_scores: Sequence[Any]) -> _Visit:
+    day = local(session)
+    scores = {row["scale"]: row["value"] for row in all_scores
               if day and datetime.fromisoformat(row["at"]).date() == day.date()}  # fmt: skip
     free = [row for row in trials if row["kind"] == REACH and not row["assisted"]]
     return _Visit(session, trials, free, scores)
