@@ -38,6 +38,7 @@ _HEAD = (
     "# What README and pages quote: from the runs, by tools/published.py --write. Do not edit.\n"
 )
 STUDIES = ROOT / "docs/studies.md"
+MODES = ROOT / "docs/modes.md"
 _CALLED = re.compile(r"`study((?: --(?:plane|support|impedance))*)[^`]*`")
 _BLOCK = re.compile(r"(<!-- published: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _WIDTH = 140
@@ -242,9 +243,10 @@ def main(
             sys.exit("\n".join([*told, "To renew: the same command with --write"]))
         return
     STUDIES.write_text(page, "utf-8")
+    shown = MODES.read_text("utf-8")
     for picture in (picture for folder in studies for picture in folder.glob("*.png")):
-        if "," not in picture.name:  # one for each mode, as it is shipped
-            shutil.copyfile(picture, STUDIES.parent / f"impedance_{picture.name}")
+        if (name := f"impedance_{picture.name}") in shown:
+            shutil.copyfile(picture, MODES.parent / name)
     kept |= found
     KEPT.write_text(
         _HEAD + yaml.safe_dump(kept, sort_keys=False, allow_unicode=True), encoding="utf-8"

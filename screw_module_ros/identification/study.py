@@ -474,7 +474,8 @@ def study(
         csv.writer(file).writerows(rows_of_rigs(found, seeds))
     for kind in kinds if subject.drawn else ():
         picture = impedance.draw(found, kind, subject.families)
-        save(picture, folder / f"{'plane ' * plane}{kind.name}.png".replace(" ", "_"))
+        name = f"{'plane ' * plane}{kind.name}.png"
+        save(picture, folder / name.replace(" ", "_").replace(",", ""))
     if beside:
         with_earlier(found, json.loads(beside.read_text(encoding="utf-8")))
     for family, cases_of in found.items():
