@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo therapy faults fuzz bench soak reproduce study test test-all lint docs shell
+.PHONY: help build demo therapy faults fuzz bench soak reproduce study test test-all evidence lint docs shell
 .PHONY: clean
 
 help:  ## say what there is
@@ -47,6 +47,9 @@ test: build  ## the tests without those marked long; with ARGS="-k friction" wha
 
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
+
+evidence: build  ## hazards joined with results of this build, parts, digests: build/evidence; ARGS="--run", "--sessions FOLDER"
+	@tools/run python tools/evidence.py $(ARGS)
 
 lint: build  ## style, docstrings, clocks, types, which room imports which, weight of rooms and imports, links of pages
 	@$(VENV_PYTHON) -m ruff check .

@@ -11,6 +11,7 @@ import pytest
 from catalogue import ROWS as CATALOGUE
 from row import EITHER, GOES_ON, OFF, VERTICAL_OFF
 
+import hazards
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -23,16 +24,11 @@ from screw_module_ros.safety.permit import CONDITIONS, PermitSettings
 from screw_module_ros.safety.supervision import SupervisionSettings
 
 ROOT = Path(__file__).parents[1]
-TEXT = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
-NAMED = sorted(set(re.findall(r"`(test/[^`]+)`", TEXT)))
-FILES = sorted(set(re.findall(r"`([a-z_/0-9]+\.py)`", TEXT)) - set(NAMED))
-HAZARDS = [
-    cells
-    for line in TEXT.partition("## Force and motion")[2].splitlines()
-    if line.startswith("| ")
-    and len(cells := [cell.strip() for cell in line.split("|")[1:-1]]) > 1
-    and cells[0] != "hazard"
-]
+TEXT = hazards.PAGE.read_text(encoding="utf-8")
+HAZARDS = hazards.hazards(TEXT)
+FLAT = " ".join(TEXT.split())  # a name may stand on two lines
+NAMED = sorted(set(re.findall(r"`(test/[^`]+)`", FLAT)))
+FILES = sorted(set(re.findall(r"`([a-z_/0-9]+\.py)`", FLAT)) - set(NAMED))
 STOPS = [
     [cell.strip() for cell in line.split("|")[1:-1]]
     for line in TEXT.partition("## What stops the torque")[2].partition("## Force")[0].splitlines()
@@ -49,19 +45,18 @@ LIMITS = {
 PARAMETERS = {
     prefix + name for prefix, kinds in LIMITS.items() for kind in kinds for name in kind._fields
 }
-PROOFS = " ; ".join(cells[-1] for cells in HAZARDS)
-QUOTED = sorted(set(re.findall(r"`([^`]+)`", PROOFS)))
-COMMANDS = [text for text in QUOTED if text.startswith("make ")]
-ROWS = [text for text in QUOTED if not text.startswith(("test/", "make "))]
+COMMANDS = sorted({command for hazard in HAZARDS for command in hazard.commands})
+ROWS = sorted({row for hazard in HAZARDS for row in hazard.rows})
+GROUPS = sorted({group for hazard in HAZARDS for group in hazard.groups})
 OUTCOMES = {
     "": OFF, "continues": GOES_ON, "continues or stops": EITHER, "plane continues": VERTICAL_OFF
 }  # fmt: skip
-CITED = sorted(
+CITED = sorted({
     (row, outcome)
-    for row, outcome in set(re.findall(r"`([^`]+)`(?: \(([a-z ]+)\))?", PROOFS))
+    for hazard in HAZARDS
+    for row, outcome in re.findall(r"`([^`]+)`(?: \(([a-z ]+)\))?", hazard.shown_by)
     if row in ROWS
-)
-GROUPS = sorted(set(re.findall(r"all of ([a-z ]+?)(?= *(?:[,;(]|$))", PROOFS)))
+})
 
 
 @pytest.mark.parametrize("named", NAMED)
@@ -124,7 +119,14 @@ def test_rows_and_groups_are_found_in_the_text():
 
 def test_every_hazard_has_a_mitigation_and_a_proof():
     assert len(HAZARDS) > 20
-    for cells in HAZARDS:
-        assert len(cells) == 4, cells[0]
-        assert all(cells), cells[0]
-        assert "`" in cells[-1], cells[0]
+    for hazard in HAZARDS:
+        assert all(hazard), hazard.name
+        assert hazard.tests or hazard.rows or hazard.groups, hazard.name
+
+
+def test_every_heading_below_a_section_of_hazards_is_one():
+    assert len(HAZARDS) == len(re.findall("^### ", TEXT, re.M)) == TEXT.count("- *Shown by*: ")
+
+
+def test_no_line_is_longer_than_a_reader_bears():
+    assert [line for line in TEXT.splitlines() if len(line) >= 300] == []

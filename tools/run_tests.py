@@ -4,12 +4,15 @@
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
 is the suite without the tests marked `long`, with `--all` the whole one, by two workers: simulated
 time waits for whoever is slow. `--faults` carries out the fault rows, by a worker per core and one
-more: a row that kills a node waits, idle, until the middleware has dropped it.
+more: a row that kills a node waits, idle, until the middleware has dropped it. `--hazards` is what
+docs/hazards.md names, without rows. Whole runs of `--all`, `--faults` and `--hazards` keep their
+results for `make evidence`.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,8 +20,10 @@ import time
 import uuid
 from pathlib import Path
 
+import hazards
 import isolation
 import leftovers
+import results_of_tests
 
 LEAVE_S = 3.0
 BY_FILE = ["--dist", "loadfile", "--no-loadscope-reorder"]  # test/conftest.py orders the files
@@ -39,7 +44,7 @@ def main() -> int:
         # Each worker and each of the processes that tests start would compile its sources anew.
         env.pop("PYTHONDONTWRITEBYTECODE", None)
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
-            code = run(chosen(sys.argv[1:]), env)
+            code = run_kept(sys.argv[1:], env)
         clean = clean_up(watch)
     return code if clean else code or 1
 
@@ -51,7 +56,24 @@ def chosen(arguments: list[str]) -> list[str]:
         return SUITE
     if arguments[0] == "--faults":
         return [*FAULTS, "-m", "fault", *arguments[1:]]
+    if arguments == ["--hazards"]:
+        return [*WHOLE_SUITE, *named()]
     return WHOLE_SUITE if arguments == ["--all"] else arguments
+
+
+def named() -> list[str]:
+    """Return what docs/hazards.md names, for pytest; of a conversation its file's tests."""
+    tests = {test for each in hazards.hazards(hazards.PAGE.read_text("utf-8"))
+             for test in each.tests}  # fmt: skip
+    return sorted({re.sub(r"[^/]+\.txt::.*", "test_conversations.py", test) for test in tests})
+
+
+def run_kept(arguments: list[str], env: dict[str, str]) -> int:
+    """Run pytest; keep the results of a whole run."""
+    if arguments not in (["--all"], ["--faults"], ["--hazards"]):
+        return run(chosen(arguments), env)
+    with results_of_tests.kept(arguments[0].strip("-")) as options:
+        return run([*chosen(arguments), *options], env)
 
 
 def run(arguments: list[str], env: dict[str, str]) -> int:
