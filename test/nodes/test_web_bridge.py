@@ -204,8 +204,11 @@ def open_page(browser, stage, role, errors):
 
 def start_on(page):
     page.get_by_role("button", name="New").click()
+    page.get_by_label("Arm", exact=True).select_option("right")
     page.get_by_label("Protocol", exact=True).select_option(PROTOCOL)
     page.get_by_label("Record").uncheck()
+    for box in page.locator(".checks input").all():
+        box.check()
     page.get_by_role("button", name="Start").click()
 
 
