@@ -18,10 +18,13 @@ SUBSCRIBE, PUBLISH, CALL = "subscribe", "publish", "call"
 WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
 STOP = "supervisor/estop"
 """The software stop."""
+PATIENTS_STOP = "therapy_session/pause_by_patient"
+"""All that the patient's token may call: it pauses a session."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"
 SERVICES = {
     "therapy_session/start": "screw_module_msgs/srv/StartTherapy",
     "therapy_session/pause": _TRIGGER,
+    PATIENTS_STOP: _TRIGGER,
     "therapy_session/resume": _TRIGGER,
     "therapy_session/abort": _TRIGGER,
     "therapy_session/lower": _TRIGGER,
@@ -37,7 +40,7 @@ SERVICES = {
 
 _STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
 ROLES = {
-    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (), CALL: ()},
+    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (), CALL: (PATIENTS_STOP,)},
     THERAPIST: {
         SUBSCRIBE: (
             *_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE,

@@ -62,7 +62,7 @@ _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
 _NOT_YET, _SILENT = "no endpoint_state has come yet", f"{graph.ENDPOINT_STATE} is silent"
-_PULLS_HARD = "the arm pulls hard"
+_PULLS_HARD, _PATIENT_ASKED = "the arm pulls hard", "the patient asked"
 
 
 class TherapySettings(NamedTuple):
@@ -147,6 +147,8 @@ class TherapySessionNode(Node):
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(StartTherapy, "~/weigh", lambda of: self.requests.ask(lambda: self._weigh(of)))
         self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
+        self.serve(Trigger, "~/pause_by_patient",
+                   lambda _: self.requests.ask(self._pause_by_patient))  # fmt: skip
         self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
         self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
         self.serve(Trigger, "~/lower", lambda _: self.requests.ask(self._lower))
@@ -389,6 +391,13 @@ class TherapySessionNode(Node):
 
     def _pause(self) -> str:
         return self._act("pause", "the therapist paused it")
+
+    def _pause_by_patient(self) -> str:
+        """Pause the session, or end a weighing, which brings the arm back: nothing else."""
+        if (weighing := self.course.arm.weighing) is not None:
+            weighing.leave(_PATIENT_ASKED)
+            return ""
+        return self._act("pause", _PATIENT_ASKED)
 
     def _abort(self) -> str:
         return self._act("abort", "the therapist ended it")

@@ -31,6 +31,7 @@ class PlayedRobot(FakeGateway):
         self.off = False
         self.axis = {"support": 0.0, "support_limit": 25.0, "hand_off": False}
         self.brakes = True
+        self.refuses = False
 
     async def call(self, service, arguments):
         self.calls.append((service, arguments))
@@ -48,7 +49,7 @@ class PlayedRobot(FakeGateway):
             (parameter,) = arguments["parameters"]
             values[parameter["name"]] = parameter["value"]["double_value"]
             return {"results": [{"successful": True, "reason": ""}]}
-        return {"success": True, "message": "", "sessions": 0}
+        return {"success": not self.refuses, "message": "", "sessions": 0}
 
     def move(self, **state):
         """Tell a moment of all topics of all robots; state: fields of therapy/state."""
@@ -344,6 +345,36 @@ def test_start_stays_grey_with_what_is_missing_first(therapist, wait_until):
     given.until_text(page, "Finished", state=FINISHED)
     lacks("A pseudonym like P-7K3QX is wanted")
     assert not any(box.is_checked() for box in page.locator(".checks input").all())
+
+
+@pytest.mark.parametrize("way", ["touch", "key"])
+def test_the_patient_stops_by_touch_or_by_any_key(patient, wait_until, way):
+    given, page = patient
+    given.until_text(page, "Pick fruit")
+    stop = page.get_by_role("button", name="Please stop")
+    assert not stop.is_visible()
+    page.keyboard.press("a")
+    given.until_shown(page, "trial", 1, **RUNS)
+    size = stop.bounding_box()
+    assert size["width"] >= 150 and size["height"] >= 80
+    if way == "touch":
+        stop.click()
+    else:
+        page.keyboard.press("Space")
+    wait_until(lambda: given.robot.calls)
+    assert given.robot.calls == [("/therapy_session/pause_by_patient", {})]
+    given.until_text(page, "As you asked", state=PAUSED, reason="the patient asked")
+    assert not stop.is_visible()
+    page.keyboard.press("a")
+    assert len(given.robot.calls) == 1, "what is paused is not paused again"
+
+
+def test_a_stop_that_nobody_hears_is_told_to_the_patient(patient):
+    given, page = patient
+    given.until_shown(page, "trial", 1, **RUNS)
+    given.robot.refuses = True
+    page.get_by_role("button", name="Please stop").click()
+    given.until_text(page, "The robot does not hear it: tell your therapist")
 
 
 @pytest.mark.parametrize(("phase", "asked"), [

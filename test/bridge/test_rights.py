@@ -9,6 +9,7 @@ from screw_module_ros.bridge.rights import (
     CALL,
     LIMITS,
     PATIENT,
+    PATIENTS_STOP,
     PUBLISH,
     ROLES,
     SERVICES,
@@ -40,8 +41,10 @@ def test_the_patient_reads_what_the_patients_page_shows():
     for name in ("therapy/wish", "therapy/attendance", *SERVICES):
         with pytest.raises(Denied):
             rights.may(PATIENT, PUBLISH, name)
+    for name in set(SERVICES) - {PATIENTS_STOP}:
         with pytest.raises(Denied):
             rights.may(PATIENT, CALL, name, arguments={"names": ["wish.high"]})
+    assert rights.may(PATIENT, CALL, PATIENTS_STOP).type == "std_srvs/srv/Trigger"
     for name in ("/endpoint_state", "/therapy/state"):
         assert rights.may(PATIENT, SUBSCRIBE, name).full == name
     for name in ("therapy/trial", "therapy/assistance", "safety_state", "screw/encoder"):

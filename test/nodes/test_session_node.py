@@ -560,6 +560,33 @@ def test_an_arm_is_carried_without_a_session_while_one_starts_runs_and_waits(roo
     assert room.ask(0.0) == "" and room.slots[-1].support == 0.0
 
 
+def test_the_patient_pauses_and_no_more(room):
+    """His stop takes what a pause takes, no torque; only the therapist goes on."""
+    assert "no session" in room.call("~/pause_by_patient")
+    assert room.ask(12.0) == "" and room.call("~/start", START) == ""
+    room.go_on(1.0)
+    assert room.slots[-1].planar
+    assert room.call("~/pause_by_patient") == ""
+    assert (room.state.state, room.state.reason) == (TherapyState.PAUSED, "the patient asked")
+    assert not room.slots[-1].planar and room.slots[-1].support == 12.0
+    assert "is paused" in room.call("~/pause_by_patient")
+    assert room.call("~/resume") == "" and room.state.state == TherapyState.RUNNING
+    assert room.call("~/abort") == "" and "is aborted" in room.call("~/pause_by_patient")
+
+
+def test_the_patient_ends_a_weighing_and_the_arm_is_brought_back(room):
+    arm = StartTherapy.Request(patient="P-7K3QX", side="left")
+    assert room.call("~/weigh", arm) == ""
+    room.go_on(4.0)
+    assert "strap the arm in" in room.state.arm
+    assert room.call("~/weigh", arm) == ""
+    room.go_on(2.0)
+    assert "let it hang" in room.state.arm and room.slots[-1].vertical
+    assert room.call("~/pause_by_patient") == ""
+    room.go_on(0.1)
+    assert "the patient asked; the arm is brought back" in room.state.arm
+
+
 def test_the_arm_is_lowered_and_let_go(room):
     assert room.ask(12.0) == ""
     room.in_use = 12.0

@@ -28,12 +28,14 @@ export const SCREEN = {
   picture: "Where the hand is and where it is to go",
   progress: "Movements done",
   hands: { left: "Hand: left", right: "Hand: right" },
+  stop: "Please stop", unheard: "The robot does not hear it: tell your therapist",
   back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
   menu: "What shall we do?", hint: "Touch a picture to play. The therapist starts the exercises.",
   fruit: "Pick fruit", free: "Move freely", freely: "Move the blue hand wherever you like", start: "start",
 };
 const WAITING = "One moment …";
 const FOR_ROBOT = "Waiting for the robot";
+const PATIENT_ASKED = "the patient asked"; // the session's reason after his own stop
 const ASK_THERAPIST = "Your therapist knows what to do";
 
 const WEIGHED = { // what is asked of him whose arm is weighed
@@ -71,7 +73,10 @@ export function veil({
   if (safety !== SAFETY_OK) return ["wait", FOR_ROBOT, ASK_THERAPIST];
   if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? ["Hands off the handle", "Only for a moment"]];
   if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
-  if (state?.state === PAUSED) return ["pause", "Pause", "The therapist goes on in a moment"];
+  if (state?.state === PAUSED) {
+    const own = state.reason === PATIENT_ASKED;
+    return ["pause", "Pause", own ? "As you asked. Tell your therapist why" : "The therapist goes on in a moment"];
+  }
   if (state?.state === FINISHED) {
     const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
     return ["flowers", "Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];

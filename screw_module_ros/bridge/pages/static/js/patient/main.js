@@ -3,7 +3,7 @@
 
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
-  ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, chosenRobot, configurationAtLast,
+  ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, STARTING, chosenRobot, configurationAtLast,
   isUnderWay, isWeighed, named, ownToken,
 } from "../link.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
@@ -107,7 +107,7 @@ const world = {
   force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
   heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, reachedAt: -Infinity, trials: 0,
-  seen: new Count(), bloom: 1, side: "right",
+  seen: new Count(), bloom: 1, side: "right", isStopping: false, told: "",
 };
 const { seen } = world;
 let play = null; // the FruitGame, "free", or null: the menu
@@ -203,7 +203,9 @@ function showWords(inSession, isHeard, isTold) {
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
-  say($("task"), over ? "" : running ? task(world.state, isAtStart(world)) : play === "free" ? SCREEN.freely : "");
+  $("stop").hidden = !canStop();
+  if (!canStop()) world.told = "";
+  say($("task"), world.told ? world.told : over ? "" : running ? task(world.state, isAtStart(world)) : play === "free" ? SCREEN.freely : "");
   $("progress").hidden = !running;
   if (running) {
     const share = (100 * (world.state.trial - 1)) / Math.max(world.state.trials, 1);
@@ -214,6 +216,23 @@ function showWords(inSession, isHeard, isTold) {
   Object.assign(document.body.dataset, {
     shown, trial: world.state?.trial ?? 0, score: play?.score ?? 0,
   });
+}
+
+// Whether there is something that the patient can stop: a pause is all that his button asks for.
+function canStop() {
+  return isWeighed(world.state) || [STARTING, RUNNING].includes(world.state?.state);
+}
+
+async function pleaseStop() {
+  if (!canStop() || world.isStopping) return;
+  world.isStopping = true;
+  try {
+    const { success } = await bridge.call(named(robot, "therapy_session/pause_by_patient"));
+    world.told = success ? "" : SCREEN.unheard;
+  } catch {
+    world.told = SCREEN.unheard;
+  }
+  world.isStopping = false;
 }
 
 function put(elements, words) {
@@ -254,7 +273,7 @@ function drawChoices() {
 function makeButtons() {
   canvas.setAttribute("aria-label", SCREEN.picture);
   $("progress").setAttribute("aria-label", SCREEN.progress);
-  for (const id of ["back", "full", "hint"]) say($(id), SCREEN[id]);
+  for (const id of ["back", "full", "hint", "stop"]) say($(id), SCREEN[id]);
   say($("sound"), SCREEN.soundOff);
   say($("menu").querySelector("h1"), SCREEN.menu);
   $("sound").onclick = () => {
@@ -263,6 +282,12 @@ function makeButtons() {
     $("sound").setAttribute("aria-pressed", isOn);
   };
   $("back").onclick = () => choose(null);
+  $("stop").onclick = pleaseStop;
+  document.addEventListener("keydown", (event) => { // any key, as a button on USB is a keyboard
+    if (!canStop()) return;
+    event.preventDefault();
+    pleaseStop();
+  });
   makeFullScreen($("full"));
   for (const [id, make] of [
     ["fruit", () => new FruitGame()], ["free", () => "free"],
