@@ -8,6 +8,7 @@ master.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
@@ -20,6 +21,9 @@ from ..can_io.bus import BusSettings, open_port, where, within
 from ..can_io.errors import BusError
 from ..can_io.port import Port
 from ..clock import Clock, WallClock
+from ..control.planar_settings import PlanarSettings
+from ..control.support import SupportSettings
+from ..control.vertical_settings import VerticalSettings
 from ..devices import force_sensors
 from ..devices.canopen import CanopenDevice
 from ..devices.drive import Drive
@@ -33,22 +37,26 @@ from ..geometry import Screw
 from ..locks import AlreadyRunning, lock_device
 from ..profiles import DRIVE, ENCODER, GENERIC_402, GENERIC_406, load
 from ..resources import resource_path
+from ..safety.checks import WatchSettings
 from ..settings import SettingError, fields, read
+from ..software import software
 from . import devices, exchange, machine
 from .devices import Bus
 from .finding import TO_DO, Finding, table
 
 NODES = ("encoder", "force_sensor", "amplifier", "manus")
+CONTROLLER = "impedance_controller"
 Values = dict[str, dict[str, Any]]
 
 
 def values_of(path: str, namespace: str = "") -> Values:
-    """Return what a parameter file gives to each node of the robot in a namespace, names dotted.
+    """Return what a file gives to the controller and each node of `NODES` in a namespace, dotted.
 
     namespace: with leading /, empty for none. Raises SettingError for a file without a section.
     """
     file = parameter_files.sections(path)
-    return {node: parameter_files.values_of(file, f"{namespace}/{node}") for node in NODES}
+    return {node: parameter_files.values_of(file, f"{namespace}/{node}")
+            for node in (*NODES, CONTROLLER)}  # fmt: skip
 
 
 def sections(
@@ -227,6 +235,23 @@ def _answer(device: CanopenDevice, name: str, port: Any) -> Finding:
         return Finding(f"{name} answer to SYNC", str(error), "works", "as it says")
 
 
+def form(path: Path, values: Values) -> str:
+    """Return the form of an acceptance, a page, with the limits that the nodes of a robot read.
+
+    values: of the parameter file `path`; else the defaults of who owns a limit count. Raises
+    SettingError.
+    """
+    law, joint = values[CONTROLLER], JOINTS["shoulder"]._asdict() | _shared(values["manus"])
+    return resource_path("params/acceptance.html").read_text(encoding="utf-8").format(
+        file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), software=software(),
+        law=settings(VerticalSettings, law), watch=settings(WatchSettings, law, "watch."),
+        support=settings(SupportSettings, law, "support."),
+        drive=settings(DriveSettings, values["amplifier"]),
+        joint=settings(DriveSettings, values["manus"], "shoulder.", **joint),
+        plane=settings(PlanarSettings, values["manus"]),
+    )  # fmt: skip
+
+
 @click.command()
 @click.option("--params", type=click.Path(exists=True, dir_okay=False),
               help="Parameter file, in place of the packaged params/hardware.yaml.")
@@ -239,19 +264,24 @@ def _answer(device: CanopenDevice, name: str, port: Any) -> Finding:
               help="Leave the devices of this node out (repeat for more).")
 @click.option("--move", default=10.0, help="Seconds in which somebody moves the handle, 0 = none.")
 @click.option("--seconds", default=60.0, help="Seconds of samples, 0 = none.")
+@click.option("--acceptance", is_flag=True,
+              help="Print the form of an acceptance, a page with this robot's limits, and end.")
 def command(
     params: str | None, simulation: bool, makes: str, namespace: str, without: tuple[str, ...],
-    move: float, seconds: float,
+    move: float, seconds: float, acceptance: bool,
 ) -> None:  # fmt: skip
     """Look at computer, buses and devices before the first start. No drive is ever enabled."""
     packaged = resource_path("params/sim.yaml" if simulation else "params/hardware.yaml")
     path = Path(params) if params else packaged
-    click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
     try:
         above = parameter_files.above(namespace)
         values = values_of(str(path), above)
         for node, own in node_parameters(makes, simulation).items():
             values[node].update(own)
+        if acceptance:
+            click.echo(form(path, values))
+            return
+        click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
         nodes = [node for node in NODES if node not in without]
         findings = sections(str(path), above, values, nodes)
         findings += check(values, nodes, WallClock(), move, seconds, click.echo, above)

@@ -41,7 +41,15 @@ from screw_module_ros.therapy.protocol_file import (
     protocol_text,
     sha256,
 )
-from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
+from screw_module_ros.therapy.session import (
+    PATIENT_ASKED,
+    PULLS_HARD,
+    THERAPIST_PAUSED,
+    UNDER_WAY,
+    Outcome,
+    Session,
+    State,
+)
 from screw_module_ros.therapy.support import SupportSettings, block_refusal
 from screw_module_ros.therapy.support import refusal as support_refusal
 from screw_module_ros.therapy.weighing import WeighingSettings, places
@@ -62,7 +70,6 @@ _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
 _NOT_YET, _SILENT = "no endpoint_state has come yet", f"{graph.ENDPOINT_STATE} is silent"
-_PULLS_HARD, _PATIENT_ASKED = "the arm pulls hard", "the patient asked"
 
 
 class TherapySettings(NamedTuple):
@@ -239,9 +246,9 @@ class TherapySessionNode(Node):
         if arm.weighing:
             arm.weighing.take(hand_sample(message, SPACE))
         if arm.pulls_hard(sample):  # it stays carried
-            arm.let_go(_PULLS_HARD)
+            arm.let_go(PULLS_HARD)
             if session is not None and session.trial and session.trial.kind != STRENGTH:
-                session.pause(_PULLS_HARD)
+                session.pause(PULLS_HARD)
 
     def _set_support(self, force: float) -> None:
         """Ask for a support by hand [N]; it ends the fade of a session's block."""
@@ -390,14 +397,14 @@ class TherapySessionNode(Node):
         return str(below(root, protocol, "protocol"))
 
     def _pause(self) -> str:
-        return self._act("pause", "the therapist paused it")
+        return self._act("pause", THERAPIST_PAUSED)
 
     def _pause_by_patient(self) -> str:
         """Pause the session, or end a weighing, which brings the arm back: nothing else."""
         if (weighing := self.course.arm.weighing) is not None:
-            weighing.leave(_PATIENT_ASKED)
+            weighing.leave(PATIENT_ASKED)
             return ""
-        return self._act("pause", _PATIENT_ASKED)
+        return self._act("pause", PATIENT_ASKED)
 
     def _abort(self) -> str:
         return self._act("abort", "the therapist ended it")

@@ -19,6 +19,7 @@ from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
 from ..settings import SettingError
 from .bids import write_bids
+from .events import events_of
 from .export import csv_text, masked, write_tables
 from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
 from .progress import as_text, progress_of
@@ -147,6 +148,20 @@ def _progress(options: argparse.Namespace) -> int:
     return 0
 
 
+def _events(options: argparse.Namespace) -> int:
+    with _of_folder(options) as record:
+        found = [
+            (row["pseudonym"], str(local(row) or ""), round(minute, 1), what, why, row["source"])
+            for row in record.sessions(options.patient)
+            for minute, what, why in events_of(
+                _read(record.path(row), None)[row["number"]], record.scores(row["pseudonym"])
+            )
+        ]
+    columns = ("patient", "begun", "minute", "event", "detail", "bag")
+    print(csv_text(columns, [dict(zip(columns, each, strict=True)) for each in found]), end="")
+    return 0
+
+
 def _score(options: argparse.Namespace) -> int:
     at = options.at or datetime.now().astimezone().isoformat(timespec="seconds")
     with _opened(options.folder) as record, alone(options.folder):
@@ -270,6 +285,8 @@ _COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
               "folder"),
     "progress": (_progress, "a patient's sessions side by side, as text or as a page",
                  "patient --page --folder"),
+    "events": (_events, "pauses, stops, spasms, hands off and pain, by minute and bag, as CSV",
+               "--patient --folder"),
     "score": (_score, f"keep a score of a patient: {', '.join(SCALES)}",
               "patient scale value --at --folder"),
     "due": (_due, "patients whose last session is older than a time", "--older folder"),

@@ -38,11 +38,12 @@ class NoSession(BagError):
 
 
 class Act(NamedTuple):
-    """A recorded change of state; after: number of the sample before it; state; reason."""
+    """A recorded change of state; after: number of the sample before it; state, reason, stamp."""
 
     after: int
     state: State
     reason: str
+    stamp_ns: int = 0
 
 
 class Recorded(NamedTuple):
@@ -244,8 +245,9 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
     for state in states:
         if state.patient != patient or state.state not in _ACTS:
             continue
-        act = Act(int(state.state_since), State(state.state), state.reason)
-        if not acts or acts[-1] != act:
+        act = Act(int(state.state_since), State(state.state), state.reason,
+                  ns_of(state.header.stamp))  # fmt: skip
+        if not acts or acts[-1][:3] != act[:3]:
             acts.append(act)
     return acts
 

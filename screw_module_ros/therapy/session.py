@@ -19,6 +19,10 @@ from .protocol import Protocol, plan
 from .support import Carried
 from .trial import Phase, PrepareError, TrialCourse
 
+PULLS_HARD, PATIENT_ASKED = "the arm pulls hard", "the patient asked"
+THERAPIST_PAUSED = "the therapist paused it"
+"""Reasons of a pause that have a word of their own in a list of events."""
+
 
 class State(IntEnum):
     """States of a session, the constants of TherapyState.msg."""

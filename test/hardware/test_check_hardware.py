@@ -8,23 +8,27 @@ from contextlib import ExitStack
 from typing import ClassVar
 
 import pytest
+from click.testing import CliRunner
 from loop_parts import twin_of
 
 from screw_module_ros.can_io.bus import BusSettings, where
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.force_base import ForceSensor
 from screw_module_ros.devices.life import Phase
 from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.graph import bus_of as bus_of_node
 from screw_module_ros.hardware import command, devices, exchange, machine
-from screw_module_ros.hardware.command import NODES, settings, values_of
+from screw_module_ros.hardware.command import NODES, form, settings, values_of
 from screw_module_ros.hardware.devices import Bus
 from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
 from screw_module_ros.locks import AlreadyRunning, lock_device
 from screw_module_ros.plant.world import ArmSettings
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.canopen_device import PRE_OPERATIONAL
+from screw_module_ros.settings import SettingError
 from screw_module_ros.trials.one_thread import OneThreadRobot
 
 PERIOD_NS = 1_000_000
@@ -305,7 +309,7 @@ def test_interface_without_iproute_or_not_there(tmp_path):
 @pytest.mark.parametrize("name", ["hardware.yaml", "sim.yaml"])
 def test_the_packaged_parameters_are_read(name):
     values = values_of(str(resource_path(f"params/{name}")))
-    assert set(values) == set(NODES)
+    assert set(values) == {*NODES, "impedance_controller"}
     bus = settings(BusSettings, values["amplifier"], "can.")
     assert bus.channel == {"hardware.yaml": "can0", "sim.yaml": "drive"}[name]
     assert values["manus"]["shoulder.node_id"] == 3
@@ -564,3 +568,29 @@ def test_whatever_a_driver_of_others_raises_is_a_thing_to_do(tmp_path, kind, tol
     values = profile_of(tmp_path, kind)
     found = command.check(values, ["force_sensor"], ManualClock(10**12), 0, 0.2, lambda text: None)
     assert [each.verdict for each in found if told in each.found] == [TO_DO]
+
+
+def test_the_form_of_an_acceptance_has_the_limits_of_this_robot(tmp_path):
+    """Each limit comes from its owner or from the file, and no place is left without one."""
+    path = resource_path("params/hardware.yaml")
+    page = form(path, values_of(str(path)))
+    law, drive = VerticalSettings(), DriveSettings()
+    assert f"{law.force_up} N,\n{law.force_down} N" in page
+    assert f"within {drive.heartbeat_timeout} s" in page
+    assert not set("{}") & set(page.partition("</style>")[2]) and "<td class=\"signed\">" in page
+    values = values_of(str(path))
+    values["impedance_controller"]["force_up"] = 31.5
+    values["manus"]["shoulder.heartbeat_timeout"] = 0.2
+    changed = form(path, values)
+    assert f"31.5 N,\n{law.force_down} N" in changed
+    assert "(plane\n0.2 s)" in changed
+    values["impedance_controller"]["force_up"] = 999.0
+    with pytest.raises(SettingError, match="force_up"):
+        form(path, values)
+
+
+def test_the_form_is_printed_and_nothing_is_looked_at(monkeypatch):
+    monkeypatch.setattr(command, "check", None)
+    result = CliRunner().invoke(command.command, ["--acceptance"])
+    assert result.exit_code == 0
+    assert result.output.startswith("<!doctype html>")
