@@ -19,7 +19,22 @@ import rows_support
 import rows_therapy
 import rows_trials
 from record import LARGEST_STEP
-from row import EITHER, GOES_ON, OFF, OUTCOMES, VERTICAL_OFF, Row
+from row import (
+    CLEAR,
+    EITHER,
+    ENABLE,
+    GOES_ON,
+    HOME,
+    MODE,
+    OFF,
+    OUTCOMES,
+    PLANE_CLEAR,
+    PLANE_HOME,
+    RESET,
+    TARE,
+    VERTICAL_OFF,
+    Row,
+)
 
 from screw_module_ros.graph import MODULE, WHOLE, Entry
 
@@ -69,7 +84,9 @@ def _in(row: Row, shared: Entry | None) -> Row:
 def page() -> str:
     """Return docs/faults.md."""
     states = "\n".join(f"- *{name}*: {text}" for name, text in OUTCOMES.items())
-    lines = [_HEAD.format(count=len(ROWS), every=_EVERY, step=LARGEST_STEP, states=states)]
+    calls = "\n".join(f"- *{word}*: `{service}`" for service, word in _CALLS.items())
+    lines = [_HEAD.format(count=len(ROWS), every=_EVERY, step=LARGEST_STEP, states=states,
+                          calls=calls)]  # fmt: skip
     for group in GROUPS:
         members = [row for row in ROWS if row.group == group]
         lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
@@ -80,12 +97,20 @@ def page() -> str:
 def _line(row: Row) -> str:
     within = "" if row.outcome == GOES_ON else f"{row.within} / {row.plane_within or '–'}"
     report = row.report.text if row.report else _NO_REPORT[row.outcome]
-    services = ", ".join(row.services) or "none"
+    names = ", ".join(_CALLS[service] for service in row.services) or "none"
+    services = names.replace(_BOTH, "enable")
     cells = (f"`{row.name}`", row.fault, row.mode_name, row.noticed_by, within, row.outcome, report,
              services)  # fmt: skip
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
+_CALLS = {
+    HOME: "home", TARE: "tare", CLEAR: "clear", PLANE_CLEAR: "plane clear",
+    PLANE_HOME: "plane home", RESET: "reset", MODE: "mode", ENABLE[0]: "vertical enable",
+    ENABLE[1]: "plane enable",
+}  # fmt: skip
+"""Service -> its word in the column of recoveries."""
+_BOTH = "vertical enable, plane enable"
 _NO_REPORT = {
     GOES_ON: "none",
     EITHER: "none while it continues, else any reason in safety_state",
@@ -114,8 +139,8 @@ If the robot must stop, a row passes when
 - the alarm of the row appears on `/diagnostics` and in `safety_state`,
 - no torque returns by itself after the cause has gone and all nodes are active again,
 - the recovery leads to operation without a restart of the graph and needs no other service than
-  those of the row (`amplifier/clear_fault` often only where it missed commands before the
-  supervisor's stop), and
+  those of the row (*clear* often only where the amplifier missed commands before the supervisor's
+  stop), and
 - the patient's resting hand feels no step above {step:g} N during the recovery: no larger change
   within 25 ms (a knock of 5 ms in the play between nut and handle does not count).
 
@@ -129,7 +154,10 @@ for a stopped process (SIGSTOP) for 1 s of wall clock, and not for a killed one.
 time stands still.
 
 Safe states:
-{states}"""
+{states}
+
+Services of a recovery, each only if it is needed; *enable* is both enables:
+{calls}"""
 _COLUMNS = (
     "| row | fault | mode | noticed by | within [samples] | safe state | alarm "
     "| recovery (at most) |\n"

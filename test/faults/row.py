@@ -21,10 +21,7 @@ Act = Callable[["FaultRobot"], object]
 must answer."""
 
 # Outcomes.
-OFF = "both torques zero"
-VERTICAL_OFF = "vertical torque zero, plane continues"
-GOES_ON = "continues"
-EITHER = "continues, or both torques zero"
+OFF, VERTICAL_OFF, GOES_ON, EITHER = "off", "vertical off", "goes on", "goes on or off"
 OUTCOMES = {
     OFF: "torque of all axes zero, drives disabled, coasting",
     VERTICAL_OFF: "vertical torque zero, coasting; the plane continues to work",
@@ -97,7 +94,8 @@ class Report(NamedTuple):
     def text(self) -> str:
         """The report as text for the table."""
         parts = [f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"]
-        reason = [f"safety_state: “{self.reason}”"] if self.reason else []
+        same = "the same" if self.reason == self.said else f"“{self.reason}”"
+        reason = [f"safety_state: {same}"] if self.reason else []
         return "; ".join((parts if self.node else []) + reason)
 
 

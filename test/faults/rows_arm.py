@@ -50,7 +50,7 @@ class Fall(NamedTuple):
         low, high = (1e3 * way for way in self.soon)
         least, most = self.blow
         return (
-            f"it falls {low:.0f} to {high:.0f} mm in {_SOON_S:g} s, and meets the lower stop with "
+            f"it falls {low:.0f} to {high:.0f} mm in {_SOON_S:g} s, meets the stop with "
             f"{least:.0f} to {most:.0f} N"
         )
 
@@ -102,9 +102,9 @@ def _row(
     """Return the row of a cause; reaction: of the vertical drive, `stop_reaction`."""
     row = Row(
         f"arm-falls-{cause}-{reaction}", GROUP,
-        f"{text}; an arm of {WEIGHT:g} N hangs on the handle, stop_reaction {reaction}: "
+        f"{text}; arm of {WEIGHT:g} N, {reaction}: "
         f"{fall.text}",
-        _falls(act, fall), report, MISSED, f"{report.node}; nobody holds the arm", within,
+        _falls(act, fall), report, MISSED, report.node, within,
         within if report is _ESTOP else within + VIA_SUPERVISOR,
         mend=both(lambda robot: robot.hand.set_up(), mend), watch=0.3,
     )  # fmt: skip

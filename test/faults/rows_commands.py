@@ -115,7 +115,7 @@ ROWS = [
              **{field: value})
     for topic, field, value, label in _VALUES
 ] + [
-    _foreign(topic, "future", f"{topic} stamped an hour ahead, as after a jump of the clock",
+    _foreign(topic, "future", f"{topic} stamped an hour ahead, as by a set clock",
              late=_LATE_NS)
     for topic in _BY
 ] + [

@@ -135,7 +135,7 @@ def _repeated_state(node: str, topic: str, services) -> Row:
     kind, fields = _STATES[topic]
     row = _stops(
         f"{node}-dead-state-repeated",
-        f"{node} killed, while somebody else goes on to publish {topic}",
+        f"{node} killed, its state is repeated by another",
         both(published(kind, topic, 0, 0.005, **fields), lambda robot: robot.kill(node)),
         "supervisor: two nodes publish it", _COUNTED_STATE,
         Report("supervisor", f"{topic}: one is allowed", node), services,

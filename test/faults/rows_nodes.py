@@ -117,8 +117,7 @@ def _power_cycle(robot) -> float:
 
 ROWS = [_row(part, act) for part in PARTS for act in part.acts]
 ROWS.append(Row(  # the loss of the rig is that of all power
-    "sim_rig-killed", GROUP, "sim_rig killed (SIGKILL): simulated time stands still, then all "
-    "devices start again", _power_cycle,
+    "sim_rig-killed", GROUP, "sim_rig killed (SIGKILL), all devices start again", _power_cycle,
     Report("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
     (HOME, TARE, CLEAR, *PLANE_BACK), "amplifier, manus, encoder: boot-ups", AT_ONCE, AT_ONCE,
     shared=MODULE,

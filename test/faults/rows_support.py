@@ -275,7 +275,7 @@ ROWS = [
     ),
     Row(
         "support-tare-with-arm", GROUP, "tare asked for while an arm is carried, and again after a "
-        "software stop, while it lies on the handle: both are refused", _tared, _ESTOP,
+        "software stop: refused", _tared, _ESTOP,
         (TARE, *MISSED), "supervisor; force_sensor refuses", BY_SERVICE, BY_SERVICE,
         FORCE_FEEDBACK, mend=lambda robot: robot.hand.set_up(), watch=0.3,
     ),

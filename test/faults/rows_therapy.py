@@ -183,8 +183,8 @@ ROWS = [
              who=_REFUSE),
     _goes_on("slot-absurd", fault="a slot with walls of 1e300 N/m",
              act=_slot(back_stiffness=1e300), who=_REFUSE),
-    Row("slot-strongest", GROUP, "the stiffest valid slot, from a foreign sender, expired for "
-        "hours, with its target far from the hand",
+    Row("slot-strongest", GROUP, "the stiffest valid slot, from a foreign sender, hours old, "
+        "with its target far from the hand",
         _slot(start_ns=1, duration=0.1, target__x=0.15, target__y=0.15, target__z=MARK + 0.09,
               back_stiffness=2000.0, side_stiffness=2000.0, growth=500.0), None, STOPPED,
         "controller and manus: the force is limited to 45 N, and fades in", _WITHIN, _WITHIN,

@@ -99,8 +99,8 @@ ROWS = [
     _row("excitation-sender-killed", "whoever plays a sine of torque dies", both(_excited, _killed),
          "impedance_controller: the lease has lapsed", _LEASE + AT_ONCE, _SILENT),
     _row("trial-sender-killed", "whoever runs a law with a trial's gain, without chatter guard, "
-         "dies", both(_lively, _killed), "impedance_controller: the lease has lapsed; gain, guard "
-         "and mode are put back", _LEASE + AT_ONCE, _SILENT, _as_before),
+         "dies", both(_lively, _killed), "impedance_controller: the lease has lapsed, all is "
+         "put back", _LEASE + AT_ONCE, _SILENT, _as_before),
     _row("excitation-rotor-turns", "the rotor comes off its lock during a sine of torque",
          both(_excited, _HAND), "impedance_controller: the nut moves", BY_SERVICE + 100 + AT_ONCE,
          Report(_NODE, "the rotor is not locked", "not locked")),

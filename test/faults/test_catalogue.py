@@ -82,6 +82,7 @@ def test_the_page_is_that_of_the_rows(request):
     if request.config.getoption("--write"):
         PAGE.write_text(page(), encoding="utf-8")
     assert PAGE.read_text(encoding="utf-8") == page()
+    assert max(map(len, page().splitlines())) < 300
 
 
 def moments(torques, forces=()):
