@@ -217,6 +217,44 @@ def test_all_that_names_the_version_names_the_same():
     assert versions == {"0.1.0"}
 
 
+def test_the_page_of_releases_agrees_with_changelog_and_citation():
+    """Each release of the changelog, newest first, by version and date; the newest is cited."""
+    changelog = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    released = re.findall(r"^## \[(\d\S+)\] - (\S+)$", changelog, re.M)
+    page = (ROOT / "docs/release.md").read_text("utf-8")
+    assert re.findall(r"^\| (\d\S+) \| (\S+) \|", page, re.M) == released
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert (citation["version"], str(citation["date-released"])) == released[0]
+
+
+def test_no_page_gives_an_address_that_the_owner_has_not_made():
+    """No tag, DOI or address of this software is told before it is there (docs/release.md)."""
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    told = [key for key in ("doi", "repository-code", "url", "identifiers") if key in citation]
+    page = (ROOT / "docs/release.md").read_text("utf-8")
+    releases = re.findall(r"^\| \d.*\|$", page, re.M)
+    assert bool(told) == any("none yet" not in release for release in releases)
+    for file in [*DOCUMENTS, ROOT / "CITATION.cff"]:
+        assert not re.search(r"https?://\S*screw[_-]module", file.read_text("utf-8")), file
+
+
+def test_each_claim_of_what_nobody_else_has_names_its_proof():
+    page = (ROOT / "docs/unique.md").read_text("utf-8")
+    claims = re.findall(r"^\| (.+) \| (.+) \|$", page.partition("|---|")[2], re.M)
+    assert len(claims) > 10
+    assert [claim for claim, proof in claims if not re.search(r"\]\(|`make ", proof)] == []
+
+
+def test_the_container_files_build_as_the_pages_do():
+    debian = (ROOT / "containers/Containerfile").read_text("utf-8")
+    assert "RUN make build" in debian and "NOT TRIED" not in debian
+    jazzy = (ROOT / "containers/Containerfile.jazzy").read_text("utf-8")
+    assert "NOT TRIED" in jazzy
+    for step in ("ln -s screw_module_ros/msg_defs src/screw_module_msgs", "colcon build",
+                 "rosdep install --from-paths src --ignore-src -y"):  # fmt: skip
+        assert step in jazzy and step in (ROOT / "docs/ros.md").read_text("utf-8")
+
+
 def test_every_ros_package_that_is_imported_is_declared():
     """The list of what only some rooms may import is in pyproject.toml, by import-linter."""
     root = ElementTree.parse(ROOT / "package.xml").getroot()
