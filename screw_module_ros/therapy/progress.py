@@ -2,9 +2,9 @@
 """A patient's sessions side by side: eleven lines, as clinicians ask for them (hochstenbach2012).
 
 A figure of a session is the median of its unassisted reaches, with the distribution-free interval
-of its order statistics; sessions are compared with those of the same protocol alone. The first one
-of them is learning and no part of a slope. Whether a change is larger than what another robot
-measured twice without one is all that is said; nothing here claims a benefit.
+of its order statistics; sessions are compared with those of the same protocol and the same supports
+alone. The first one of them is learning and no part of a slope. Whether a change is larger than
+what another robot measured twice without one is all that is said; nothing here claims a benefit.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ ERRORS = {
 (docs/references.md). 0.277 is 1.96 sqrt(2) of an error of measurement stated as below 10 %."""
 _TAIL = 0.025  # share on each side of an interval
 _LEAST = 5  # fewest sessions of a slope: four have no interval of 95 %
+_NEAR = 2.0  # [N] ours: a difference between two weighings of one arm
 _WEEK_S = 7 * 86400.0
 _NAN = math.nan
 
@@ -129,6 +130,9 @@ def progress_of(record: Record, patient: str) -> Progress:
     for label, name, of in _LINES:
         alike = same if name else [True] * len(visits)
         points = [of(visit) if fits else Point() for visit, fits in zip(visits, alike, strict=True)]
+        if name:  # under another load the same figure is another measure
+            points = [point if _same_loads(visit, visits[-1]) else Point(text=point.text)
+                      for visit, point in zip(visits, points, strict=True)]  # fmt: skip
         lines.append(_judged(Line(label, points), name, weeks))
     dates = [f"{local(visit.session):%Y-%m-%d %H:%M}" for visit in visits]
     others = len(same) - sum(same)
@@ -144,6 +148,13 @@ def _visit(session: Any, trials: list[Row], all_scores: Sequence[Any]) -> _Visit
               if day and datetime.fromisoformat(row["at"]).date() == day.date()}  # fmt: skip
     free = [row for row in trials if row["kind"] == REACH and not row["assisted"]]
     return _Visit(session, trials, free, scores)
+
+
+def _same_loads(one: _Visit, other: _Visit) -> bool:
+    """Return whether the unassisted reaches of two sessions had the same supports [N]."""
+    loads = [sorted({round(row["support"] or 0.0) for row in visit.free}) for visit in (one, other)]
+    pairs = zip(*loads, strict=False)
+    return len(loads[0]) == len(loads[1]) and all(abs(a - b) <= _NEAR for a, b in pairs)
 
 
 def _judged(line: Line, name: str, weeks: Sequence[float]) -> Line:

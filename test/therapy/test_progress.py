@@ -154,6 +154,19 @@ def test_other_protocols_are_not_compared(folder):
     assert "; 1 of other protocols or versions have none." in progress.note
 
 
+def test_figures_under_another_load_are_shown_and_not_compared(folder):
+    for week, support in enumerate((8.0, 8.0, 9.0, 0.0, 10.0)):
+        small_bag(folder, begin_s=MARCH + week * WEEK,
+                  reaches=reaches(1.0 + week, support=support, pm4=0.1 + 0.01 * week))  # fmt: skip
+    reach, duration = (line(found(folder), name) for name in ("reach [mm]", "duration"))
+    for each in (reach, duration):
+        assert [n for n, point in enumerate(each.points) if not math.isfinite(point.value)] == [3]
+        assert "from session 2 to 5" in each.change
+    assert reach.points[3].text == "0 N: 130 mm"
+    small_bag(folder, begin_s=MARCH + 5 * WEEK, reaches=reaches(1.0, support=0.0))
+    assert line(found(folder), "duration").change == ""
+
+
 def test_the_first_session_of_a_protocol_is_learning_too(folder):
     small_bag(folder, begin_s=MARCH, reaches=reaches(5.0), definition=protocol(count=3))
     for week, duration in enumerate((9.0, 2.0, 1.0), 1):
