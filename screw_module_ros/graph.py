@@ -128,6 +128,7 @@ DIAGNOSTICS = "/diagnostics"
 THERAPY_SLOT = "therapy/slot"
 THERAPY_WISH = "therapy/wish"
 THERAPY_ATTENDANCE = "therapy/attendance"
+THERAPY_ANSWER = "therapy/answer"
 THERAPY_STATE = "therapy/state"
 THERAPY_TRIAL = "therapy/trial"
 THERAPY_ASSISTANCE = "therapy/assistance"
@@ -174,6 +175,8 @@ _TOPICS = (
     Topic(THERAPY_WISH, _OURS + "EndpointSetpoint", "command", "", 0.0,
           ("therapy_session", "sim_rig")),
     Topic(THERAPY_ATTENDANCE, "std_msgs/msg/Empty", "command", "web_bridge", 0.0,
+          ("therapy_session",)),
+    Topic(THERAPY_ANSWER, "std_msgs/msg/UInt8", "command", "web_bridge", 0.0,
           ("therapy_session",)),
     Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0,
           ("web_bridge", "sim_rig")),

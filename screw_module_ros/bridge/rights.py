@@ -16,6 +16,8 @@ from .. import graph
 PATIENT, THERAPIST = "patient", "therapist"
 SUBSCRIBE, PUBLISH, CALL = "subscribe", "publish", "call"
 WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
+ANSWER = graph.THERAPY_ANSWER
+"""A number that the patient touches: the one thing that his token may always publish."""
 STOP = "supervisor/estop"
 """The software stop."""
 PATIENTS_STOP = "therapy_session/pause_by_patient"
@@ -27,6 +29,7 @@ SERVICES = {
     PATIENTS_STOP: _TRIGGER,
     "therapy_session/resume": _TRIGGER,
     "therapy_session/abort": _TRIGGER,
+    "therapy_session/rest": _TRIGGER,
     "therapy_session/lower": _TRIGGER,
     "therapy_session/weigh": "screw_module_msgs/srv/StartTherapy",
     "therapy_session/describe_parameters": _PARAMETERS + "DescribeParameters",
@@ -40,13 +43,13 @@ SERVICES = {
 
 _STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
 ROLES = {
-    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (), CALL: (PATIENTS_STOP,)},
+    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (ANSWER,), CALL: (PATIENTS_STOP,)},
     THERAPIST: {
         SUBSCRIBE: (
             *_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE,
             graph.CONTROLLER_STATE, graph.AMPLIFIER_STATE,
         ),
-        PUBLISH: (WISH, ATTENDANCE),
+        PUBLISH: (WISH, ATTENDANCE, ANSWER),
         CALL: tuple(SERVICES),
     },
 }
@@ -57,7 +60,7 @@ KEPT = {graph.THERAPY_TRIAL: ("trial",), graph.THERAPY_ASSISTANCE: ("block", "ci
 """Topics whose messages of the running session are kept, for a page that subscribes later, with
 the fields that rise within a session."""
 LIMITS = (
-    "allow_wishes", "assistance.stiffness", "support.force",
+    "allow_wishes", "assistance.stiffness", "support.force", "patient_sound",
     "wish.half_width", "wish.half_depth", "wish.low", "wish.high", "wish.speed",
 )  # fmt: skip
 """Parameters of `therapy_session` that a therapist may read and set."""

@@ -10,6 +10,7 @@ from screw_module_msgs.msg import AssistanceChange, TherapySlot, TherapyState, T
 
 from screw_module_ros.therapy.adaptation import Change
 from screw_module_ros.therapy.arm import Arm
+from screw_module_ros.therapy.asked import Asked
 from screw_module_ros.therapy.hand import HandSample, Point
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.measures import COLUMNS, Row
@@ -59,6 +60,7 @@ def fill_state(
     message.trials = session.trials
     message.duration, message.side_stiffness = session.assistance
     message.hit_radius = session.protocol.rules.hit_radius
+    message.rest = session.rest_left
     trial = session.trial
     message.phase, message.since = Phase.NONE, math.nan
     if trial is None:
@@ -82,6 +84,12 @@ def fill_arm(message: TherapyState, arm: Arm) -> None:
         message.kind, message.phase = WEIGH, Phase.WAIT if arm.weighing.waits else hangs
     elif message.kind == WEIGH:
         message.kind, message.phase = "", Phase.NONE
+
+
+def fill_asked(message: TherapyState, asked: Asked) -> None:
+    """Write what the patient is asked and has told, and the therapist's word on it."""
+    message.asks, message.goes_on = asked.asks, asked.goes_on
+    message.pain, message.tired = asked.told["pain"], asked.told["tired"]
 
 
 def result_message(result: Row, patient: str, protocol: str, side: str = "") -> TrialResult:

@@ -6,6 +6,8 @@ A recording that went on would hold the next patient's movements in a bag of thi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -18,7 +20,8 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.recording.pseudonym import PATTERN
-from screw_module_ros.settings import Setting
+from screw_module_ros.settings import Setting, SettingError
+from screw_module_ros.therapy.scores import Score, keep_scores
 from screw_module_ros.therapy.session import UNDER_WAY, Session
 
 from .support.inbox import Inbox
@@ -48,11 +51,13 @@ class RecorderSettings(NamedTuple):
 class SessionRecording:
     """OFF -> ASKED -> ON -> CLOSING -> OFF; one recording at a time, and nobody waits for it.
 
-    message: what the recorder answered, or why the recording was lost.
+    message: what the recorder answered, or why the recording was lost; folder: in which the newest
+    session's bag lies, None if it has none.
     """
 
     def __init__(self, node: Node, clock: Clock):
         self.message = ""
+        self.folder: Path | None = None
         self._node, self._clock = node, clock
         self._settings = RecorderSettings()
         self._state, self._since_ns = _OFF, 0
@@ -95,6 +100,17 @@ class SessionRecording:
         owner, _, rest = self._bag.partition("_")
         is_news = now_ns - self._heard_ns < _OLD_NS
         return owner if is_news and rest and PATTERN.fullmatch(owner) and owner != patient else ""
+
+    def keep(self, patient: str, told: Sequence[tuple[str, float]]) -> str:
+        """Keep scores beside the bags, of a session that is recorded; return what is wrong."""
+        if self.folder is None:
+            return ""
+        now = datetime.now().astimezone().isoformat(timespec="milliseconds")
+        try:
+            keep_scores(self.folder, patient, [Score(now, *each) for each in told])
+        except (OSError, SettingError):  # whose text names the file, and so the patient
+            return "what the patient told is not kept"
+        return ""
 
     def start_refusal(self, patient: str, recorded: bool, now_ns: int) -> str:
         """Return why no session of a patient can start now, empty if it can.
@@ -185,6 +201,7 @@ class SessionRecording:
                 self._stopper.call_async(Trigger.Request()).add_done_callback(self._stopped)
         elif success:
             self._started_ns, self._due_ns = self._clock.now_ns(), None
+            self.folder = Path(answer.message).parent  # also for what is told after the end
             self.message = "the session is recorded"  # the bag's name has the pseudonym
             self._node.get_logger().info(self.message)
         else:

@@ -30,6 +30,7 @@ from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.arm import WEIGHED, Arm
 from screw_module_ros.therapy.arm_weights import Arms
+from screw_module_ros.therapy.asked import AFTER, ANSWERS, BEFORE, PAUSE, Asked
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, SPACE, VERTICAL, HandSample, Point, hand_sample
 from screw_module_ros.therapy.line import NO_SLOT, SlotWish
@@ -44,6 +45,7 @@ from screw_module_ros.therapy.protocol_file import (
 from screw_module_ros.therapy.session import (
     PATIENT_ASKED,
     PULLS_HARD,
+    RESTS,
     THERAPIST_PAUSED,
     UNDER_WAY,
     Outcome,
@@ -61,7 +63,14 @@ from .support.node import Node
 from .support.place import below, root_folder
 from .support.states import OK, WARN, Due, Health, at_base
 from .support.topics import offered, requested
-from .therapy_messages import change_message, fill_arm, fill_slot, fill_state, result_message
+from .therapy_messages import (
+    change_message,
+    fill_arm,
+    fill_asked,
+    fill_slot,
+    fill_state,
+    result_message,
+)
 from .therapy_recording import RecorderSettings, SessionRecording
 from .wish_relay import WishRelay
 
@@ -69,6 +78,7 @@ _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
+_REST = 60.0  # [s] of the therapist's button
 _NOT_YET, _SILENT = "no endpoint_state has come yet", f"{graph.ENDPOINT_STATE} is silent"
 
 
@@ -84,34 +94,37 @@ class TherapySettings(NamedTuple):
     rest_height: Annotated[
         float, Setting("to which ~/lower leads the arm", "m", 0.0, 0.36, live=True)
     ] = 0.05  # ours: an arm rest, above the soft stop
+    patient_sound: Annotated[bool, Setting("of the patient's screen", live=True)] = False
 
 
 @dataclass
 class Course:
     """What one activation of the node knows; the next one begins without it, and its patient.
 
-    arm: on the handle. slot, state: the messages. session: the newest. patient: its pseudonym.
+    arm: on the handle. slot, state: the messages. session: the newest; asked: of its patient, whose
+    pseudonym is patient.
     definition: text of its protocol, until it was published. heard: the newest endpoint_state,
     sample: what a session takes of it; sampled_ns: when it came, told_ns: when the controller's
-    state came [ns]. sent: what was published last: state, reason and phase of the session, slots,
-    support.
+    state came [ns]. sent: what was published last: state, reason and phase of the session and what
+    its patient is asked, slots, support.
     """
 
     attendance: Attendance
     arm: Arm
     slot: TherapySlot = field(default_factory=lambda: at_base(TherapySlot, support=math.nan))
     state: TherapyState = field(
-        default_factory=lambda: at_base(TherapyState, arm_weight=math.nan)
+        default_factory=lambda: at_base(TherapyState, arm_weight=math.nan, rest=math.nan)
     )
     due: Due = field(default_factory=lambda: Due(_RENEW_HZ))
     session: Session | None = None
+    asked: Asked = field(default_factory=Asked)
     patient: str = ""
     definition: str = ""
     heard: EndpointState | None = None
     sample: HandSample | None = None
     sampled_ns: int | None = None
     told_ns: int = 0
-    sent: tuple[tuple[State, str, Any] | None, SlotWish, float] = (None, NO_SLOT, 0.0)
+    sent: tuple[tuple[State, str, Any, Any] | None, SlotWish, float] = (None, NO_SLOT, 0.0)
 
     @property
     def is_under_way(self) -> bool:
@@ -157,6 +170,7 @@ class TherapySessionNode(Node):
         self.serve(Trigger, "~/pause_by_patient",
                    lambda _: self.requests.ask(self._pause_by_patient))  # fmt: skip
         self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
+        self.serve(Trigger, "~/rest", lambda _: self.requests.ask(self._rest))
         self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
         self.serve(Trigger, "~/lower", lambda _: self.requests.ask(self._lower))
 
@@ -168,6 +182,7 @@ class TherapySessionNode(Node):
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_controller = inbox.subscribe(*requested(graph.CONTROLLER_STATE))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
+        self._take_answer = inbox.subscribe(*requested(graph.THERAPY_ANSWER))
         self._recording.connect(inbox)
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
@@ -222,6 +237,7 @@ class TherapySessionNode(Node):
         self._watch(now_ns)
         self.course.arm.follow(now_ns)
         self._recording.follow(self.course.session, now_ns)
+        self._ask(now_ns)
         self._relay_wishes(now_ns)
         self._send(now_ns)
 
@@ -240,7 +256,10 @@ class TherapySessionNode(Node):
         sample = hand_sample(message, session.protocol.space if session else PLANE)
         course.sample = sample = sample._replace(support=arm.in_use)
         if session is not None:
+            was = session.state
             self._publish(session, session.take(sample))
+            if was == State.RUNNING:
+                self._lower_for_rest(session)
             if session.state == State.RUNNING:
                 arm.ask(session.carried.force)
         if arm.weighing:
@@ -249,6 +268,26 @@ class TherapySessionNode(Node):
             arm.let_go(PULLS_HARD)
             if session is not None and session.trial and session.trial.kind != STRENGTH:
                 session.pause(PULLS_HARD)
+
+    def _lower_for_rest(self, session: Session) -> None:
+        """Lower an arm that rests, where the trials after it bring it up again."""
+        if session.reason == RESTS and session.protocol.space != PLANE:
+            self._lower()
+
+    def _ask(self, now_ns: int) -> None:
+        """Take the patient's answer, keep what was told, and begin a session that waited for it."""
+        asked, session = self.course.asked, self.course.session
+        if (answer := self._take_answer()) is not None:
+            asked.answer(answer.data)
+        asked.follow(now_ns)
+        if session is not None and session.held and not asked.is_open:
+            session.held = ""
+            if not self._recording.waits:
+                session.begin()
+        if asked.scores:
+            told, asked.scores = asked.scores, []
+            if problem := self._recording.keep(self.course.patient, told):
+                self.get_logger().warning(problem)
 
     def _set_support(self, force: float) -> None:
         """Ask for a support by hand [N]; it ends the fade of a session's block."""
@@ -290,7 +329,7 @@ class TherapySessionNode(Node):
         course, session, state = self.course, self.course.session, self.course.state
         state.monotonic_ns = now_ns
         wish = course.arm.wish or (session.wish if session else NO_SLOT)
-        progress = session.progress if session else None
+        progress = (*session.progress, course.asked.asks) if session else None
         news, last = (progress, wish, course.arm.force), course.sent
         if not (course.due(now_ns) or news != last):
             return
@@ -305,16 +344,22 @@ class TherapySessionNode(Node):
         else:
             self._fill_session(state, session, last[0])
         fill_arm(state, course.arm)
+        fill_asked(state, course.asked)
+        state.sound = self.parameters.read(TherapySettings).patient_sound
         self._tell(self._publish_state, state)
 
     def _fill_session(
-        self, state: TherapyState, session: Session, last: tuple[State, str, Any] | None
+        self, state: TherapyState, session: Session, last: tuple[State, str, Any, Any] | None
     ) -> None:
         """Write the session into the state, and log its changes; last: progress told before."""
         course = self.course
         if last is None or (session.state, session.reason) != last[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
             self.get_logger().info(f"session {session.state.word}: {detail}")
+            if session.reason in (PATIENT_ASKED, PULLS_HARD):
+                course.asked.ask(PAUSE, state.monotonic_ns)
+            elif session.state in (State.FINISHED, State.ABORTED) and session.results:
+                course.asked.ask(AFTER, state.monotonic_ns)
         fill_state(state, session, course.patient, course.sample)
         state.recorded = self._recording.runs
         state.definition = ""
@@ -358,11 +403,16 @@ class TherapySessionNode(Node):
         course.patient, course.definition = patient, definition
         course.state.side, course.state.checks = request.side, request.checks
         course.state.definition_sha256 = sha256(definition)
-        awaits = _WAITS if request.record else ""
+        course.asked = Asked(bool(request.checks & StartTherapy.Request.ASK))
+        course.asked.ask(BEFORE, now_ns)
+        held = ANSWERS if course.asked.is_open else ""
+        awaits = _WAITS if request.record else held
         course.arm.begin()
         course.session = Session(protocol, awaits, weight, course.arm.force, sample.sequence)
+        course.session.held = held
         course.state.support_since = 0
         course.sent = (None, *course.sent[1:])
+        self._recording.folder = None
         if request.record:
             date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
@@ -382,6 +432,7 @@ class TherapySessionNode(Node):
         if not arm.weighing:
             if silent := course.silent(now_ns) or arm.refusal:
                 return silent
+            course.asked.settle(False)  # the next patient sits there
             course.attendance.begin(request.attended, now_ns)
             self._wishes.begin(limits, course.hand(now_ns), now_ns)
         settings = self.parameters.read(WeighingSettings, "weighing")
@@ -407,13 +458,24 @@ class TherapySessionNode(Node):
         return self._act("pause", PATIENT_ASKED)
 
     def _abort(self) -> str:
+        self.course.asked.settle(False)
         return self._act("abort", "the therapist ended it")
 
     def _resume(self) -> str:
         if self._recording.waits:
             return _WAITS
-        self.course.attendance.resume(self.clock.now_ns())
-        return self._act("resume")
+        course, session = self.course, self.course.session
+        course.attendance.resume(self.clock.now_ns())
+        waited = session is not None and session.state == State.STARTING and course.asked.is_open
+        course.asked.settle(True)
+        return "" if waited else self._act("resume")
+
+    def _rest(self) -> str:
+        """Let the patient rest for a minute; return why not, empty if done."""
+        refused = self._act("rest", _REST)
+        if not refused and self.course.session is not None:
+            self._lower_for_rest(self.course.session)
+        return refused
 
     def _lower(self) -> str:
         """Begin to lower the arm; return why not, empty if done."""
@@ -431,11 +493,11 @@ class TherapySessionNode(Node):
             course.arm.lower(hand.z, rest, now_ns)
         return hand.stop
 
-    def _act(self, name: str, *reason: str) -> str:
+    def _act(self, name: str, *given: str | float) -> str:
         session = self.course.session
         if session is None:
             return "no session has been started"
-        return "" if getattr(session, name)(*reason) else f"the session is {session.state.word}"
+        return "" if getattr(session, name)(*given) else f"the session is {session.state.word}"
 
     def health(self) -> Health:
         """Report the progress of the session."""

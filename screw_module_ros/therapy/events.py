@@ -15,11 +15,13 @@ from .. import graph
 from ..recording.decoded import read_bag, topics
 from .hand import ns_of
 from .recorded import Recorded
-from .session import PATIENT_ASKED, PULLS_HARD, THERAPIST_PAUSED, State
+from .session import PATIENT_ASKED, PULLS_HARD, RESTS, THERAPIST_PAUSED, State
 
 PAIN = 5.0
 """Largest pain, of 10, that is no event; ours."""
-_WORDS = {PULLS_HARD: "spasm", PATIENT_ASKED: "patient's stop", THERAPIST_PAUSED: "pause"}
+_WORDS = {
+    PULLS_HARD: "spasm", PATIENT_ASKED: "patient's stop", THERAPIST_PAUSED: "pause", RESTS: "rest",
+}  # fmt: skip
 
 
 def events_of(session: Recorded, scores: Iterable[Any]) -> list[tuple[float, str, str]]:

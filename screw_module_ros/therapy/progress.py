@@ -24,6 +24,7 @@ from .measures import BY_NAME, Row
 from .protocol import REACH
 from .record import Record, local
 from .report_content import labelled, number_text
+from .session import RESTS
 
 ERRORS = {
     "duration": (0.277, "inmotionretest"), "sparc": (0.277, "cornec2024"),
@@ -237,12 +238,14 @@ def _pain(visit: _Visit) -> Point:
 
 
 def _rests(visit: _Visit) -> Point:
-    found = visit.scores.get("rests", _NAN)
+    rested = json.loads(visit.session["stops"]).get(RESTS, 0)
+    found = rested or visit.scores.get("rests", _NAN)
     return Point(found, text=f"{found:.0f}") if math.isfinite(found) else Point()
 
 
 def _stopped(visit: _Visit) -> Point:
     stops: dict[str, int] = json.loads(visit.session["stops"])
+    stops.pop(RESTS, None)
     told = [f"{why} ({count})" if count > 1 else why for why, count in stops.items()]
     ends = [] if visit.session["outcome"] == "finished" else [visit.session["outcome"] or "no end"]
     return Point(float(sum(stops.values())), text="; ".join([*ends, *told]) or "nothing")

@@ -80,12 +80,19 @@ class Targets(NamedTuple):
     rounds: Annotated[int, Setting("visits to all targets in a circuit", "", 1, 50)] = 1
 
 
+class Rest(NamedTuple):
+    """Rests within a block: after each so many trials, unless the session is over."""
+
+    every: Annotated[int, Setting("trials from one rest to the next", "", 1, 1000)]
+    seconds: Annotated[float, Setting("of a rest", "s", 10.0, 600.0)]
+
+
 class Block(NamedTuple):
     """A part of a session: circuits of one kind.
 
     duration: of a circle, hold, resisted or strength trial [s]; stiffness: of the walls that hold
     the hand in these trials, 0 = none [N/m]. support: of the arm from its beginning on, None = as
-    it is.
+    it is. rest: None = none.
     """
 
     kind: Annotated[str, Setting("what the patient does", choices=KINDS)]
@@ -98,6 +105,7 @@ class Block(NamedTuple):
         float, Setting("of the walls that hold the hand", "N/m", 0.0, 800.0)
     ] = 0.0
     support: BlockSupport | None = None
+    rest: Rest | None = None
 
 
 class Guidance(NamedTuple):

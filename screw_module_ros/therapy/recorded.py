@@ -56,7 +56,9 @@ class Recorded(NamedTuple):
     the bag does not tell, as those of older versions and other recorders. arm_weight: at the
     beginning [N], NaN = not weighed; by_hand: number of the sample before the support was set by
     hand, and what was set [N], each time; side: of the arm, empty where nobody said; robot: what
-    stands before the names of its topics; stated_ns: stamp of its first state.
+    stands before the names of its topics; stated_ns: stamp of its first state; told: what the
+    patient told of pain and tiredness, None = nothing yet, and the therapist's word, at each
+    change.
     """
 
     folder: Path
@@ -74,6 +76,7 @@ class Recorded(NamedTuple):
     side: str = ""
     robot: str = "/"
     stated_ns: int = 0
+    told: tuple[tuple[float | None, float | None, int], ...] = ()
 
     @property
     def is_simulated(self) -> bool:
@@ -211,7 +214,15 @@ def _session(
             for state in states if getattr(state, "support_since", 0)
         )),
         side=getattr(first, "side", ""), stated_ns=ns_of(first.header.stamp),
+        told=tuple(dict.fromkeys(
+            (_known(state.pain), _known(state.tired), int(state.goes_on))
+            for state in states if hasattr(state, "goes_on")
+        )),
     )  # fmt: skip
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def _names(folder: Path) -> dict[str, str]:

@@ -6,11 +6,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from itertools import groupby
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
+from .asked import GoesOn
 from .hand import VERTICAL
 from .measures import BY_NAME, Row
 from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
@@ -129,7 +131,19 @@ def _course(recorded: Recorded) -> str:
         parts.append(f"ended early: {last.reason}")
     elif last.state != State.FINISHED:
         parts.append("its end is not recorded")
-    return "; ".join(parts) or "complete"
+    return "; ".join([*parts, *_told(recorded)]) or "complete"
+
+
+def _told(recorded: Recorded) -> list[str]:
+    """Return what the patient told of pain and tiredness, and whether the therapist went on."""
+    parts = []
+    for place, name in enumerate(("pain", "tiredness")):
+        found = [row[place] for row in recorded.told if row[place] is not None]
+        steps = [f"{value:.0f}" for value, _ in groupby(found)]
+        parts += [f"{name} {' → '.join(steps)} of 10"] if steps else []
+    words = [row[2] for row in recorded.told]
+    asked = ((GoesOn.YES, "the therapist went on"), (GoesOn.NO, "the therapist ended it for that"))
+    return [*parts, *(says for word, says in asked if word in words)]
 
 
 def _share(rows: Sequence[Row], name: str) -> str:

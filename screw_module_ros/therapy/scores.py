@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of a patient beside the bags: numbers that a person gives, on scales with known bounds.
 
-Most are taken where no session runs, so no bag can hold them. They lie in one file a patient, which
-the index of the record reads again and `session forget` deletes:
+Most are taken where no session runs, so no bag can hold them. What the patient tells on his screen
+(`asked.py`) is kept here too, and in the bag of a session that is under way. They lie in one file a
+patient, which the index of the record reads again and `session forget` deletes:
 
     {"scores": [{"at": "2026-03-03T13:05:00+01:00", "scale": "FM_UE", "value": 34.0}]}
 """
@@ -22,10 +23,12 @@ from ..settings_file import read_file
 ENDING = "_scores.json"
 SCALES = {
     "pain_before": 10.0, "pain_after": 10.0, "tired_before": 10.0, "tired_after": 10.0,
+    "pain_pause": 10.0, "tired_pause": 10.0, "went_on": 1.0,
     "discomfort": 10.0, "FM_UE": 66.0, "ARAT": 57.0, "MAS_elbow": 4.0, "MAS_shoulder": 4.0,
     "rests": 100.0, "spasms": 100.0, "chair_x": 200.0, "chair_height": 200.0, "handle_angle": 180.0,
 }  # fmt: skip
-"""Largest value by scale, the smallest is 0. 0 to 10 as the patient says, Fugl-Meyer of the upper
+"""Largest value by scale, the smallest is 0. 0 to 10 as the patient says, 1 where the
+therapist went on after much pain or tiredness, Fugl-Meyer of the upper
 extremity, ARAT, modified Ashworth (1+ is 1.5), numbers in a session, chair [cm], handle [deg]."""
 
 

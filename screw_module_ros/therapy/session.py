@@ -40,6 +40,8 @@ class State(IntEnum):
         return self.name.lower()
 
 
+RESTS = "a rest"
+"""Reason of the one pause that ends by itself."""
 UNDER_WAY = (State.STARTING, State.RUNNING, State.PAUSED)
 
 
@@ -56,7 +58,8 @@ class Session:
     state: starting, running, paused, finished or aborted; since: number of the sample after which
     that began, from which a replay knows it; reason: what it waits for, or of the pause or abort.
     What changes the state returns whether it did. assistance: current values; carried: support of
-    the current block. results, changes: so far. trial: the current one, None after the end.
+    the current block. held: what it waits for beside that, empty for nothing. results, changes:
+    so far. trial: the current one, None after the end.
     """
 
     def __init__(
@@ -79,6 +82,8 @@ class Session:
         self._plans = list(plan(protocol))
         self._circuits: list[Circuit] = []
         self._hold: Hold | None = None
+        self._rest_s, self._rest_ns, self._newest_ns = 0.0, 0, 0  # a rest: how long, since when
+        self.held = ""
         self.carried = Carried(protocol.blocks[0].support, weight, support)
         self.trial: TrialCourse | None = self._next_trial()
 
@@ -93,8 +98,19 @@ class Session:
         return self.state, self.reason, self.trial.phase if self.trial else None
 
     @property
+    def rest_left(self) -> float:
+        """Return how much of a rest is left [s], NaN without one."""
+        passed = (self._newest_ns - self._rest_ns) * 1e-9
+        return self._rest_s - passed if self._rest_s else math.nan
+
+    @property
     def wish(self) -> SlotWish:
-        """Return the requested slots; none while the session does not run."""
+        """Return the requested slots; none while the session does not run.
+
+        In a rest the other axes stay held, or an arm that nothing carries would fall.
+        """
+        if self._rest_s:
+            return NO_SLOT._replace(hold=self._hold)
         if self.state != State.RUNNING or self.trial is None:
             return NO_SLOT
         return self.trial.wish._replace(hold=self._hold)
@@ -104,11 +120,15 @@ class Session:
 
         One with `stop` or without a valid position pauses the session.
         """
-        self._newest = sample.sequence
-        if self.state != State.RUNNING or self.trial is None:
+        self._newest, self._newest_ns = sample.sequence, sample.time_ns
+        if not (self.state == State.RUNNING or self._rest_s) or self.trial is None:
             return Outcome()
         if sample.stop or not plausible(self.protocol.space, sample):
             self.pause(sample.stop or "where the hand is, or its speed, is not known")
+            return Outcome()
+        if self._rest_s:
+            if self.rest_left <= 0.0:
+                self.resume()
             return Outcome()
         try:
             self.trial.take(sample)
@@ -124,21 +144,41 @@ class Session:
         self.trial = self._next_trial()
         if self.trial is None:
             self._change(State.FINISHED)
+        elif rest := self.protocol.blocks[result["block"] - 1].rest:
+            done = sum(row["block"] == result["block"] for row in self.results)
+            if done % rest.every == 0:
+                self.rest(rest.seconds)
         return Outcome(result, change)
 
     def begin(self) -> bool:
         """Begin, after what it waited for; a session that was paused meanwhile stays so."""
-        return self.state == State.STARTING and self._change(State.RUNNING)
+        if self.state != State.STARTING:
+            return False
+        self.reason = self.held
+        return bool(self.held) or self._change(State.RUNNING)
+
+    def rest(self, seconds: float) -> bool:
+        """Pause for a time [s], then go on with the current trial from its start."""
+        if self.state != State.RUNNING or not self._change(State.PAUSED, RESTS):
+            return False
+        self._rest_s, self._rest_ns = seconds, self._newest_ns
+        return True
 
     def pause(self, reason: str) -> bool:
-        """Pause without slots; the current trial will be repeated from its start."""
-        return self.state in (State.STARTING, State.RUNNING) and self._change(State.PAUSED, reason)
+        """Pause without slots; the current trial will be repeated from its start.
+
+        A rest becomes a pause that does not end by itself.
+        """
+        may = self.state in (State.STARTING, State.RUNNING) or self._rest_s and reason != RESTS
+        return bool(may) and self._change(State.PAUSED, reason)
 
     def resume(self) -> bool:
-        """Continue after a pause."""
+        """Continue after a pause, or end a rest."""
         if self.state != State.PAUSED:
             return False
-        self.trial, self._hold = self._next_trial(), None
+        self.trial = self._next_trial()
+        if not self._rest_s:
+            self._hold = None
         return self._change(State.RUNNING)
 
     def abort(self, reason: str) -> bool:
@@ -149,7 +189,7 @@ class Session:
         return self._change(State.ABORTED, reason)
 
     def _change(self, state: State, reason: str = "") -> bool:
-        self.state, self.reason, self.since = state, reason, self._newest
+        self.state, self.reason, self.since, self._rest_s = state, reason, self._newest, 0.0
         return True
 
     def _hold_others(self, sample: HandSample, rests: bool) -> None:

@@ -774,7 +774,7 @@ def test_a_new_pseudonym_and_that_of_before_are_counted_and_a_session_that_runs_
 
 
 AWAKE = """
-const { Awake } = await import("./js/patient/awake.js");
+const { Awake } = await import("./js/awake.js");
 const heard = {}, held = [], tick = () => new Promise((resolve) => setTimeout(resolve));
 globalThis.document = {
   visibilityState: "visible", addEventListener: (name, act) => { heard[name] = act; },
@@ -786,71 +786,31 @@ class Lock {
 Object.defineProperty(globalThis, "navigator", { configurable: true, value: {
   wakeLock: { request: async (kind) => { if (kind !== "screen") throw kind; return new Lock(); } },
 } });
-const awake = new Awake();
+const told = [];
+const awake = new Awake((isHeld) => told.push(isHeld));
 function show(state) { document.visibilityState = state; heard.visibilitychange(); return tick(); }
 const count = () => [held.length, held.filter(({ released }) => !released).length];
 """
 
 
-def test_the_screen_stays_on_in_full_screen_and_again_after_the_page_was_hidden(result_of):
+def test_the_screen_stays_on_and_again_after_the_page_was_hidden(result_of):
     assert result_of(AWAKE + """
         const result = [];
-        await show("visible"); result.push(count());
-        await awake.want(true); result.push(count());
-        await awake.want(true); result.push(count());
+        await awake.ask(); result.push(count());
+        await awake.ask(); result.push(count());
         held[0].released = true; await show("hidden"); result.push(count());
-        await show("visible"); result.push(count());
-        await awake.want(false); result.push(count());
-        await show("visible"); result.push(count());
-    """) == [[0, 0], [1, 1], [1, 1], [1, 0], [2, 1], [2, 0], [2, 0]]
-
-
-def test_a_lock_that_comes_after_full_screen_was_left_is_given_back(result_of):
-    assert result_of(AWAKE + """
-        const asked = awake.want(true);
-        await awake.want(false);
-        await asked;
-        const result = count();
-    """) == [1, 0]
+        await show("visible"); result.push(count(), told);
+    """) == [[1, 1], [1, 1], [1, 0], [2, 1], [True, True]]
 
 
 @pytest.mark.parametrize("offered", ["{}", "{ wakeLock: { request: async () => { throw 1; } } }"])
-def test_a_browser_without_a_wake_lock_or_that_refuses_it_goes_on(result_of, offered):
+def test_a_browser_without_a_wake_lock_or_that_refuses_it_says_so_and_goes_on(result_of, offered):
     assert result_of(AWAKE + f"""
         Object.defineProperty(globalThis, "navigator", {{ value: {offered} }});
-        await awake.want(true);
+        await awake.ask();
         await show("visible");
-        const result = [awake.isWanted, awake.lock];
-    """) == [True, None]
-
-
-def test_full_screen_keeps_the_screen_on(result_of):
-    """The button of the patient's screen, and the key that leaves full screen."""
-    assert result_of(AWAKE + """
-        const { makeFullScreen } = await import("./js/patient/awake.js");
-        const button = {}, result = [];
-        const change = (element) => {
-          document.fullscreenElement = element;
-          heard.fullscreenchange();
-        };
-        document.documentElement = { requestFullscreen: async () => change("page") };
-        document.exitFullscreen = () => change(null);
-        makeFullScreen(button);
-        button.onclick(); await tick(); result.push(count());
-        button.onclick(); await tick(); result.push(count());
-        button.onclick(); await tick(); change(null); await tick(); result.push(count());
-    """) == [[1, 1], [1, 0], [2, 0]]
-
-
-def test_where_there_is_no_full_screen_the_button_still_keeps_the_screen_on(result_of):
-    assert result_of(AWAKE + """
-        const { makeFullScreen } = await import("./js/patient/awake.js");
-        const button = {};
-        document.documentElement = {};
-        makeFullScreen(button);
-        button.onclick(); await tick();
-        const result = count();
-    """) == [1, 1]
+        const result = [told, awake.lock];
+    """) == [[False, False], None]
 
 
 WALK = """

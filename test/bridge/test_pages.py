@@ -47,7 +47,8 @@ class PlayedRobot(FakeGateway):
             return {"values": found}
         if name == "set_parameters":
             (parameter,) = arguments["parameters"]
-            values[parameter["name"]] = parameter["value"]["double_value"]
+            value = parameter["value"]
+            values[parameter["name"]] = value.get("double_value", value.get("bool_value"))
             return {"results": [{"successful": True, "reason": ""}]}
         return {"success": not self.refuses, "message": "", "sessions": 0}
 
@@ -74,7 +75,8 @@ class PlayedRobot(FakeGateway):
                 "phase": 0, "start": {"x": 0, "y": 0, "z": 0.18},
                 "target": {"x": 0, "y": 0.14, "z": 0.18}, "hit_radius": 0.01, "since": None,
                 "duration": 1.4, "side_stiffness": 100.0, "side": "", "support": 0.0, "arm": "",
-                "arm_weight": None, "arm_spread": 0.0, **state,
+                "arm_weight": None, "arm_spread": 0.0, "asks": 0, "pain": None, "tired": None,
+                "goes_on": 0, "rest": None, "sound": False, **state,
             })  # fmt: skip
 
     def finish(self, trial):
@@ -339,7 +341,7 @@ def test_start_stays_grey_with_what_is_missing_first(therapist, wait_until):
     start.click()
     wait_until(lambda: given.robot.calls[-1][0].endswith("/start"))
     asked = given.robot.calls[-1][1]
-    assert (asked["checks"], asked["side"], asked["protocol"]) == (31, "left", "elevator")
+    assert (asked["checks"], asked["side"], asked["protocol"]) == (63, "left", "elevator")
     given.until_text(page, "Running", **RUNS)
     assert not page.locator(".checks").is_visible()
     given.until_text(page, "Finished", state=FINISHED)
@@ -375,6 +377,100 @@ def test_a_stop_that_nobody_hears_is_told_to_the_patient(patient):
     given.robot.refuses = True
     page.get_by_role("button", name="Please stop").click()
     given.until_text(page, "The robot does not hear it: tell your therapist")
+
+
+STARTING = 5
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1024, 768), (390, 844)])
+def test_the_patient_is_asked_and_answers_by_touch(patient, wait_until, size):
+    given, page = patient
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    given.until_text(page, "How much pain do you feel now?", state=STARTING, asks=1)
+    numbers = page.locator("#numbers button")
+    assert numbers.all_inner_texts() == [str(value) for value in range(11)]
+    for box in [each.bounding_box() for each in [*numbers.all(), page.locator("#stop")]]:
+        assert box["width"] >= 40 and box["height"] >= 40
+        assert 0 <= box["x"] and box["x"] + box["width"] <= size[0]
+        assert 0 <= box["y"] and box["y"] + box["height"] <= size[1]
+    page.get_by_role("button", name="7", exact=True).click()
+    wait_until(lambda: given.robot.published)
+    given.until(page, "document.querySelector('#numbers button').disabled")
+    given.until_text(page, "How tired are you now?", asks=2)
+    page.get_by_role("button", name="10", exact=True).click()
+    wait_until(lambda: len(given.robot.published) == 2)
+    assert given.robot.published == [
+        ("/therapy/answer", {"data": 16 + 7}), ("/therapy/answer", {"data": 32 + 10}),
+    ]  # fmt: skip
+    given.until_shown(page, "trial", 1, **RUNS, asks=0)
+    assert not page.locator("#ask").is_visible()
+
+
+def test_the_therapist_is_asked_whether_to_go_on(therapist, wait_until):
+    given, page = therapist()
+    given.until_text(page, "The patient is asked for pain on his screen", state=STARTING, asks=1)
+    resume = page.get_by_role("button", name="Resume")
+    assert resume.is_enabled(), "who cannot answer is not waited for"
+    told = "He tells pain 7 of 10, tiredness 2 of 10. Go on? Resume is yes, End session is no."
+    given.until_text(page, told, asks=0, pain=7, tired=2, goes_on=1)
+    resume.click()
+    wait_until(lambda: ("/therapy_session/resume", {}) in given.robot.calls)
+    given.until_text(page, "Running", **RUNS, goes_on=2)
+    assert "Go on?" not in page.inner_text(".session")
+
+
+def test_a_rest_counts_down_on_both_pages(therapist, open_page, wait_until):
+    given, page = therapist()
+    screen = open_page(given, "patient")
+    given.until_text(page, "Running", **RUNS)
+    page.get_by_role("button", name="Rest 1 min").click()
+    wait_until(lambda: ("/therapy_session/rest", {}) in given.robot.calls)
+    rests = {"state": PAUSED, "reason": "a rest"}
+    for left in (60.0, 41.2):
+        given.until_text(page, f"a rest, {math.ceil(left)} s left", **rests, rest=left)
+        given.until_text(screen, f"It goes on in {math.ceil(left)} s")
+
+
+def test_the_therapist_hears_and_reads_in_the_tab_that_it_paused(therapist):
+    given, page = therapist()
+    page.evaluate("""() => { window.tones = 0;
+      const make = AudioContext.prototype.createOscillator;
+      AudioContext.prototype.createOscillator = function () {
+        window.tones++;
+        return make.call(this);
+      };
+    }""")
+    page.get_by_text("Therapist's page").click()  # a browser sounds for whom it was touched by
+    given.until(page, "document.title.includes('Running')", lambda: given.state.update(RUNS))
+    own = "the therapist paused it"
+    given.until_text(page, own, state=PAUSED, reason=own)
+    assert page.evaluate("window.tones") == 0, "who has paused it knows it"
+    given.until_text(page, "the arm pulls hard", reason="the arm pulls hard")
+    given.until(page, "window.tones === 2 && document.title.includes('Paused')")
+    page.get_by_role("button", name="Tones: on").click()
+    given.until_text(page, "the patient asked", reason="the patient asked")
+    given.until(page, "document.title.includes('Paused')")
+    assert page.evaluate("window.tones") == 2
+
+
+def test_the_patients_sound_is_switched_by_the_therapist(therapist, open_page, wait_until):
+    given, page = therapist()
+    screen = open_page(given, "patient")
+    page.get_by_role("button", name="Patient's sound: off").click()
+    wait_until(lambda: given.robot.values["/"].get("patient_sound") is True)
+    given.until_text(screen, "Sound: on", sound=True)
+    given.until_text(page, "Patient's sound: on")
+    screen.get_by_role("button", name="Sound: on").click()
+    given.until_text(screen, "Sound: off")
+
+
+def test_a_screen_that_may_dim_says_so(serving, browser):
+    given = serving()
+    page = browser.new_page()
+    page.add_init_script("delete Navigator.prototype.wakeLock")
+    page.goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    given.until_text(page, "This screen may dim")
+    page.close()
 
 
 @pytest.mark.parametrize(("phase", "asked"), [

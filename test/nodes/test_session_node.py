@@ -24,6 +24,7 @@ from screw_module_msgs.msg import (
 )
 from screw_module_msgs.srv import StartRecording, StartTherapy
 from services import asked
+from std_msgs.msg import UInt8
 from std_srvs.srv import Trigger
 from wired import Topics
 
@@ -35,9 +36,11 @@ from screw_module_ros.nodes.therapy_recording import RecorderSettings, SessionRe
 from screw_module_ros.nodes.therapy_session import Course
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.arm import Arm
+from screw_module_ros.therapy.asked import GoesOn, Question
 from screw_module_ros.therapy.attendance import Attendance
 from screw_module_ros.therapy.hand import PLANE, SAFETY_OK, hand_sample
 from screw_module_ros.therapy.protocol_file import protocol_text
+from screw_module_ros.therapy.scores import scores_in
 from screw_module_ros.therapy.session import State
 from screw_module_ros.therapy.trial import Phase
 from screw_module_ros.therapy.wishes import WishLimits
@@ -360,7 +363,20 @@ def at_hand(sequence) -> EndpointState:
 
 
 @pytest.fixture
-def session(make_node):
+def recordings(monkeypatch):
+    """Return what the nodes made here record with."""
+    made = []
+
+    def make(*given):
+        made.append(SessionRecording(*given))
+        return made[-1]
+
+    monkeypatch.setattr(therapy_session, "SessionRecording", make)
+    return made
+
+
+@pytest.fixture
+def session(make_node, recordings):
     """A session's node that is active, and both ends of its topics."""
     node = make_node("therapy_session")
     ends = Topics(node)
@@ -418,8 +434,9 @@ def test_a_node_that_was_deactivated_forgets_the_patient(session):
     node.step()
     state = ends.told["therapy/state"][-1]
     state.header.stamp.sec = state.header.stamp.nanosec = state.monotonic_ns = 0
-    assert math.isnan(state.arm_weight)
-    state.arm_weight = 0.0
+    for name in ("arm_weight", "pain", "tired", "rest"):
+        assert math.isnan(getattr(state, name))
+        setattr(state, name, 0.0)
     idle = TherapyState(state=TherapyState.IDLE)
     idle.header.frame_id = "manus_base"
     assert state == idle
@@ -475,8 +492,8 @@ class Room:
     limit, in_use: what the controller tells [N]; hand: the newest sample; count: of them.
     """
 
-    def __init__(self, node, ends):
-        self.node, self.ends = node, ends
+    def __init__(self, node, ends, recording):
+        self.node, self.ends, self.recording = node, ends, recording
         self.limit, self.in_use, self.count = 25.0, 0.0, 5
         self.force, self.z = 0.0, 0.2
 
@@ -505,6 +522,10 @@ class Room:
         self.go_on(0.005)
         return answer.message if not answer.success else ""
 
+    def keeps(self, folder):
+        """Let the session's bag lie in a folder."""
+        self.recording.folder = folder
+
     @property
     def slots(self):
         return self.ends.told["therapy/slot"]
@@ -515,11 +536,11 @@ class Room:
 
 
 @pytest.fixture
-def room(session):
+def room(session, recordings):
     node, ends = session
     node.clock = ManualClock(100 * S)
     node.requests.put = lambda act: act()
-    made = Room(node, ends)
+    made = Room(node, ends, *recordings)
     made.go_on(0.5)
     return made
 
@@ -572,6 +593,144 @@ def test_the_patient_pauses_and_no_more(room):
     assert "is paused" in room.call("~/pause_by_patient")
     assert room.call("~/resume") == "" and room.state.state == TherapyState.RUNNING
     assert room.call("~/abort") == "" and "is aborted" in room.call("~/pause_by_patient")
+
+
+ASKING = StartTherapy.Request(
+    protocol="evaluation", patient="P-7K3QX", checks=StartTherapy.Request.ASK
+)
+PAIN, TIREDNESS = 16 * TherapyState.PAIN, 16 * TherapyState.TIREDNESS
+
+
+def answer(room, *data):
+    """Touch numbers on the patient's screen, one after the other."""
+    for each in data:
+        room.ends.heard["therapy/answer"].append(UInt8(data=each))
+        room.go_on(0.01)
+
+
+def kept(folder):
+    (file,) = folder.glob("*_scores.json")
+    return [(score.scale, score.value) for score in scores_in(file)]
+
+
+def test_a_session_begins_once_the_patient_has_told_his_pain_and_tiredness(room, tmp_path):
+    assert room.call("~/start", ASKING) == ""
+    room.keeps(tmp_path)
+    room.go_on(1.0)
+    assert (room.state.state, room.state.asks) == (TherapyState.STARTING, TherapyState.PAIN)
+    assert "asked for pain and tiredness" in room.state.reason
+    assert not any(slot.planar for slot in room.slots)
+    answer(room, TIREDNESS + 4, PAIN + 11, PAIN + 2)
+    assert (room.state.asks, room.state.pain) == (TherapyState.TIREDNESS, 2.0), "one by one"
+    answer(room, PAIN + 9)  # touched twice
+    assert room.state.state == TherapyState.STARTING and math.isnan(room.state.tired)
+    answer(room, TIREDNESS + 4)
+    assert (room.state.state, room.state.asks) == (TherapyState.RUNNING, TherapyState.NOTHING)
+    assert (room.state.pain, room.state.tired) == (2.0, 4.0)
+    assert kept(tmp_path) == [("pain_before", 2.0), ("tired_before", 4.0)]
+
+
+def test_who_cannot_answer_is_not_waited_for(room):
+    assert room.call("~/start", ASKING) == ""
+    assert room.call("~/resume") == ""
+    assert room.state.state == TherapyState.RUNNING
+    assert math.isnan(room.state.pain) and room.state.goes_on == TherapyState.NOT_ASKED
+
+
+@pytest.mark.parametrize(("way", "value", "word", "state"), [
+    ("resume", 1.0, TherapyState.YES, TherapyState.RUNNING),
+    ("abort", 0.0, TherapyState.NO, TherapyState.ABORTED),
+])  # fmt: skip
+def test_much_pain_begins_no_session_without_the_therapists_word(room, tmp_path, way, value, word,
+                                                                 state):  # fmt: skip
+    assert room.call("~/start", ASKING) == ""
+    room.keeps(tmp_path)
+    answer(room, PAIN + 6, TIREDNESS + 0)
+    room.go_on(1.0)
+    assert (room.state.state, room.state.goes_on) == (TherapyState.STARTING, TherapyState.ASKED)
+    assert room.call(f"~/{way}") == ""
+    assert (room.state.state, room.state.goes_on) == (state, word)
+    assert ("went_on", value) in kept(tmp_path)
+
+
+@pytest.mark.parametrize(("pain", "asked_on"), [(3, False), (4, True)])
+def test_after_a_pause_of_the_patient_pain_that_rose_is_asked_about(room, pain, asked_on):
+    """3 more than at first; a pause of the therapist asks nobody."""
+    assert room.call("~/start", ASKING) == ""
+    answer(room, PAIN + 1, TIREDNESS + 1)
+    room.go_on(0.5)
+    assert room.call("~/pause") == "" and room.state.asks == TherapyState.NOTHING
+    assert room.call("~/resume") == "" and room.call("~/pause_by_patient") == ""
+    assert room.state.asks == TherapyState.PAIN
+    answer(room, PAIN + pain, TIREDNESS + 1)
+    assert (room.state.goes_on == TherapyState.ASKED) is asked_on
+    room.go_on(1.0)
+    assert room.state.state == TherapyState.PAUSED
+    assert room.call("~/resume") == "" and room.state.state == TherapyState.RUNNING
+    assert (room.state.goes_on == TherapyState.YES) is asked_on
+
+
+def test_after_a_spasm_and_after_the_session_he_is_asked_again(room, tmp_path):
+    assert room.call("~/start", ASKING) == ""
+    room.keeps(tmp_path)
+    answer(room, PAIN + 1, TIREDNESS + 1)
+    room.go_on(14.0)
+    assert room.ends.told["therapy/trial"]
+    room.force = -70.0
+    room.go_on(0.4)
+    room.force = 0.0
+    assert (room.state.reason, room.state.asks) == ("the arm pulls hard", TherapyState.PAIN)
+    assert room.call("~/abort") == "" and room.state.asks == TherapyState.PAIN
+    answer(room, PAIN + 8)
+    assert room.state.goes_on == TherapyState.NOT_ASKED, "there is nothing to go on with"
+    assert kept(tmp_path)[-1] == ("pain_after", 8.0)
+    room.node.clock.time_ns += 301 * S
+    room.go_on(0.01)
+    assert room.state.asks == TherapyState.NOTHING, "the next patient must not answer for him"
+    answer(room, TIREDNESS + 3)
+    assert len(kept(tmp_path)) == 3
+
+
+@pytest.mark.parametrize("protocol", ["evaluation", "elevator"])
+def test_a_rest_ends_by_itself_and_drops_no_arm(room, protocol):
+    """In the plane the height stays held; where trials bring the arm up again it is lowered."""
+    assert room.ask(12.0) == ""
+    request = StartTherapy.Request(protocol=protocol, patient="P-7K3QX")
+    assert room.call("~/start", request) == ""
+    room.go_on(10.0)
+    assert room.call("~/rest") == ""
+    assert (room.state.state, room.state.reason) == (TherapyState.PAUSED, "a rest")
+    assert 59.0 < room.state.rest <= 60.0
+    slot, _ = slot_of(room.slots[-1], vertical=True)
+    assert slot.target_x == (0.2 if protocol == "evaluation" else 0.05)
+    assert not room.slots[-1].planar and room.slots[-1].support == 12.0
+    assert "is paused" in room.call("~/rest")
+    room.go_on(59.9)
+    assert room.state.state == TherapyState.PAUSED and room.state.rest < 0.2
+    room.go_on(0.2)
+    assert room.state.state == TherapyState.RUNNING and math.isnan(room.state.rest)
+    assert room.slots[-1].support == 12.0, "it is carried again"
+
+
+def test_a_rest_that_the_patient_stops_does_not_end_by_itself(room):
+    assert room.call("~/start", START) == ""
+    room.go_on(10.0)
+    assert room.call("~/rest") == "" and room.call("~/pause_by_patient") == ""
+    assert (room.state.reason, slot_of(room.slots[-1], vertical=True)[0]) == (
+        "the patient asked", None
+    )  # fmt: skip
+    room.go_on(61.0)
+    assert room.state.state == TherapyState.PAUSED
+    assert room.call("~/resume") == "" and room.call("~/rest") == "" and room.call("~/resume") == ""
+    assert room.state.state == TherapyState.RUNNING, "the therapist ends a rest before its time"
+
+
+def test_the_therapist_switches_the_sound_of_the_patients_screen(room):
+    assert not room.state.sound
+    changes = [Parameter("patient_sound", value=True)]
+    assert room.node.set_parameters_atomically(changes).successful
+    room.go_on(0.1)
+    assert room.state.sound
 
 
 def test_the_patient_ends_a_weighing_and_the_arm_is_brought_back(room):
@@ -746,7 +905,7 @@ def test_samples_of_a_pause_are_all_taken(make_node, wait_until, monkeypatch):
 
 
 def test_states_and_phases_are_those_of_the_message():
-    for constant in (*State, *Phase):
+    for constant in (*State, *Phase, *Question, *GoesOn):
         assert getattr(TherapyState, constant.name) == constant
 
 

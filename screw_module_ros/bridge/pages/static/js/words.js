@@ -28,10 +28,16 @@ export const SCREEN = {
   picture: "Where the hand is and where it is to go",
   progress: "Movements done",
   hands: { left: "Hand: left", right: "Hand: right" },
+  dims: "This screen may dim or switch itself off: set it so that it stays on.",
   stop: "Please stop", unheard: "The robot does not hear it: tell your therapist",
   back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
   menu: "What shall we do?", hint: "Touch a picture to play. The therapist starts the exercises.",
   fruit: "Pick fruit", free: "Move freely", freely: "Move the blue hand wherever you like", start: "start",
+};
+// What the patient is asked, by the constants of TherapyState.msg: question, meaning of 0 and of 10.
+export const QUESTIONS = {
+  1: ["How much pain do you feel now?", "0: none", "10: the worst that you can think of"],
+  2: ["How tired are you now?", "0: not at all", "10: as tired as can be"],
 };
 const WAITING = "One moment …";
 const FOR_ROBOT = "Waiting for the robot";
@@ -74,6 +80,7 @@ export function veil({
   if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? ["Hands off the handle", "Only for a moment"]];
   if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
   if (state?.state === PAUSED) {
+    if (state.rest != null) return ["pause", "A rest", `It goes on in ${seconds(state.rest)}`];
     const own = state.reason === PATIENT_ASKED;
     return ["pause", "Pause", own ? "As you asked. Tell your therapist why" : "The therapist goes on in a moment"];
   }
@@ -83,6 +90,10 @@ export function veil({
   }
   if (state?.state === ABORTED) return ["done", "The exercise has ended", ""];
   return null;
+}
+
+function seconds(left) {
+  return `${Math.max(0, Math.ceil(left))} s`;
 }
 
 export function noRobot(asked) {
@@ -111,6 +122,9 @@ export const PAGE = {
   machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
   protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
   armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
+  rest: "Rest 1 min", rests: "goes on by itself",
+  ask: "Ask for pain",
+  dims: "This screen may dim: set it so that it stays on.", soundsOn: "Tones: on", soundsOff: "Tones: off",
   pause: "Pause", pauses: "walls go, the arm stays carried", resume: "Resume", end: "End session", save: "Stop recording",
   write: "Write down, elsewhere, whose pseudonym this is.",
   uncounted: "sessions not known",
@@ -213,6 +227,10 @@ export function again(patient) {
   return `${patient} again`;
 }
 
+export function patientSound(isOn) {
+  return `Patient's sound: ${isOn ? "on" : "off"}`;
+}
+
 export function wasSet(name) {
   return `${LIMITS[name]}: set.`;
 }
@@ -269,8 +287,10 @@ export function sessionSentence(state, protocols) {
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
     case STARTING:
+      if (state.asks) return `${state.patient}: ${title}. Starting: the patient is asked on his screen; Resume goes on without.`;
       return `${state.patient}: ${title}. Starting: ${state.reason}.`;
     case PAUSED:
+      if (state.rest != null) return `${state.patient}: ${title}. ${count}: a rest, ${seconds(state.rest)} left; Resume ends it. ${kept}`;
       return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
@@ -279,6 +299,20 @@ export function sessionSentence(state, protocols) {
     default:
       return "Press New for a pseudonym, choose arm and protocol, tick the list, press Start.";
   }
+}
+
+const ASKED = { 1: "The patient is asked for pain on his screen.", 2: "The patient is asked for tiredness on his screen." };
+const GO_ON = 1; // of TherapyState.goes_on
+
+// What the patient has told of pain and tiredness, [sentence, whether the therapist is asked to go on].
+export function askedSentence(state) {
+  if (!state) return ["", false];
+  const told = [["pain", state.pain], ["tiredness", state.tired]].filter(([, value]) => value != null)
+    .map(([name, value]) => `${name} ${value} of 10`).join(", ");
+  const isAsked = state.goes_on === GO_ON && isUnderWay(state);
+  const now = ASKED[state.asks] ?? "";
+  const tells = told && `He tells ${told}.`;
+  return [[now, tells, isAsked && !now ? "Go on? Resume is yes, End session is no." : ""].filter(Boolean).join(" "), isAsked];
 }
 
 const BADGES = {
@@ -291,6 +325,13 @@ export function badge(state, safety) {
   if (safety?.level === SAFETY_STOPPED) return ["■ Stopped", "stopped"];
   if (safety?.level !== SAFETY_OK) return ["… Waiting", "paused"];
   return BADGES[state?.state] ?? ["○ No session", ""];
+}
+
+// What to hear of a change of the state, the name of a tone; "" for none. The therapist's own pause and a rest need none.
+export function alarm(before, state, wasStopped, isStopped) {
+  if (isStopped && !wasStopped) return "stopped";
+  const isNew = state?.state === PAUSED && (before?.state !== PAUSED || before.reason !== state.reason);
+  return isNew && state.rest == null && state.reason !== "the therapist paused it" ? "paused" : "";
 }
 
 // What to do after a stop. Only an operator resets it: no page has that right.

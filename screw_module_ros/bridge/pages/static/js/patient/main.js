@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The patient's screen: shows what the session asks for; while none runs, there is a game.
 
+import { Awake, makeFullScreen } from "../awake.js";
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, STARTING, chosenRobot, configurationAtLast,
   isUnderWay, isWeighed, named, ownToken,
 } from "../link.js";
-import { SCREEN, failure, noRobot, task, veil } from "../words.js";
-import { makeFullScreen } from "./awake.js";
+import { Sound } from "../sound.js";
+import { QUESTIONS, SCREEN, failure, noRobot, task, veil } from "../words.js";
 import { FruitGame, drawApple } from "./fruit.js";
 import { SCENES, drawSign } from "./scenes.js";
 
@@ -59,39 +60,6 @@ export class Count {
   }
 }
 
-// Soft tones, off until somebody switches them on; made here, so nothing is loaded.
-const TONES = { pick: [660, 880], basket: [523, 659, 784, 1047], reached: [587, 784] };
-
-export class Sound {
-  constructor() {
-    this.isOn = false;
-    this.context = null;
-  }
-
-  toggle() {
-    this.isOn = !this.isOn;
-    if (this.isOn) this.context ??= new AudioContext();
-    return this.isOn;
-  }
-
-  play(name) {
-    if (!this.isOn) return;
-    TONES[name].forEach((pitch, i) => this.tone(pitch, this.context.currentTime + 0.11 * i));
-  }
-
-  tone(pitch, at) {
-    const [source, gain] = [this.context.createOscillator(), this.context.createGain()];
-    source.frequency.value = pitch;
-    source.type = "sine";
-    gain.gain.setValueAtTime(0, at);
-    gain.gain.linearRampToValueAtTime(0.15, at + 0.02);
-    gain.gain.exponentialRampToValueAtTime(0.001, at + 0.25);
-    source.connect(gain).connect(this.context.destination);
-    source.start(at);
-    source.stop(at + 0.3);
-  }
-}
-
 const SILENT_MS = 1500;
 const TOLD_MS = 3000; // a session tells its state at 20 Hz
 const WISH_MS = 60;
@@ -108,6 +76,7 @@ const world = {
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
   heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, reachedAt: -Infinity, trials: 0,
   seen: new Count(), bloom: 1, side: "right", isStopping: false, told: "",
+  answered: 0, answeredAt: -Infinity,
 };
 const { seen } = world;
 let play = null; // the FruitGame, "free", or null: the menu
@@ -138,6 +107,7 @@ function hearState(state) {
     world.reachedAt = performance.now();
     sound.play("reached");
   }
+  if (Boolean(state.sound) !== Boolean(before?.sound)) setSound(state.sound);
   world.trials = state.trials;
   world.state = state;
 }
@@ -203,6 +173,7 @@ function showWords(inSession, isHeard, isTold) {
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
+  showQuestion(world.isOpen && isTold);
   $("stop").hidden = !canStop();
   if (!canStop()) world.told = "";
   say($("task"), world.told ? world.told : over ? "" : running ? task(world.state, isAtStart(world)) : play === "free" ? SCREEN.freely : "");
@@ -233,6 +204,24 @@ async function pleaseStop() {
     world.told = SCREEN.unheard;
   }
   world.isStopping = false;
+}
+
+const AGAIN_MS = 2000; // an answer may be lost
+const ANSWER = 16; // an answer is 16 times the question, and the number
+
+// Asks for pain or tiredness, over all else, while the session's node says so.
+function showQuestion(isOpen) {
+  const asks = isOpen ? world.state?.asks ?? 0 : 0;
+  $("ask").hidden = !QUESTIONS[asks];
+  if ($("ask").hidden) return;
+  put($("ask").querySelectorAll("h1, span"), QUESTIONS[asks]);
+  const isAnswered = world.answered === asks && performance.now() - world.answeredAt < AGAIN_MS;
+  for (const button of $("numbers").children) button.disabled = isAnswered;
+}
+
+function answer(value) {
+  Object.assign(world, { answered: world.state.asks, answeredAt: performance.now() });
+  bridge.publish(named(robot, "therapy/answer"), { data: ANSWER * world.state.asks + value });
 }
 
 function put(elements, words) {
@@ -270,17 +259,23 @@ function drawChoices() {
   }
 }
 
+// Whoever switched it last counts: the patient here, or the therapist, whom the session's state tells.
+function setSound(isOn) {
+  sound.set(isOn);
+  say($("sound"), isOn ? SCREEN.soundOn : SCREEN.soundOff);
+  $("sound").setAttribute("aria-pressed", isOn);
+}
+
 function makeButtons() {
   canvas.setAttribute("aria-label", SCREEN.picture);
   $("progress").setAttribute("aria-label", SCREEN.progress);
   for (const id of ["back", "full", "hint", "stop"]) say($(id), SCREEN[id]);
   say($("sound"), SCREEN.soundOff);
   say($("menu").querySelector("h1"), SCREEN.menu);
-  $("sound").onclick = () => {
-    const isOn = sound.toggle();
-    say($("sound"), isOn ? SCREEN.soundOn : SCREEN.soundOff);
-    $("sound").setAttribute("aria-pressed", isOn);
-  };
+  $("sound").onclick = () => setSound(!sound.isOn);
+  for (let value = 0; value <= 10; value++) {
+    $("numbers").append(el("button", { type: "button", onclick: () => answer(value) }, String(value)));
+  }
   $("back").onclick = () => choose(null);
   $("stop").onclick = pleaseStop;
   document.addEventListener("keydown", (event) => { // any key, as a button on USB is a keyboard
@@ -303,6 +298,8 @@ function makeButtons() {
 async function main() {
   stillness = matchMedia("(prefers-reduced-motion: reduce)");
   makeButtons();
+  sound.listen();
+  new Awake((isHeld) => say($("dims"), isHeld ? "" : SCREEN.dims)).ask();
   requestAnimationFrame(frame);
   const token = ownToken();
   config = await configurationAtLast(token, (error) => { world.sentence = failure(error); });

@@ -3,9 +3,9 @@
 // take from its descriptions.
 
 import { el, say } from "../draw.js";
-import { LIMITS, PAGE, failure, quantity, wasSet } from "../words.js";
+import { LIMITS, PAGE, failure, patientSound, quantity, wasSet } from "../words.js";
 
-const DOUBLE = 3; // ParameterType.msg
+const BOOL = 1, DOUBLE = 3; // ParameterType.msg
 
 export class LimitsCard {
   constructor(call, changed = () => {}) {
@@ -15,7 +15,26 @@ export class LimitsCard {
     this.sliders = {};
     this.list = el("div", {}, el("p", { className: "empty" }, PAGE.unknown));
     this.told = el("p", { className: "told", role: "status" });
-    this.element = el("section", { className: "card limits" }, el("h2", {}, PAGE.limits), this.list, this.told);
+    this.element = el("section", { className: "card limits" }, el("h2", {}, PAGE.limits), this.list, this.told,
+      this.sound = el("button", { type: "button", onclick: () => this.switchSound() }));
+    this.show(null);
+  }
+
+  // Shows whether the patient's screen sounds, as the session's state tells it.
+  show(state) {
+    this.hasSound = Boolean(state?.sound);
+    this.sound.disabled = !state;
+    say(this.sound, patientSound(this.hasSound));
+  }
+
+  async switchSound() {
+    const parameters = [{ name: "patient_sound", value: { type: BOOL, bool_value: !this.hasSound } }];
+    try {
+      const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
+      say(this.told, successful ? "" : reason);
+    } catch (error) {
+      say(this.told, failure(error));
+    }
   }
 
   // Asks the node for bounds and values, and shows them.

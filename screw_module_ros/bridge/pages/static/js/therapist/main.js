@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The therapist's page: one panel per robot.
 
+import { Awake } from "../awake.js";
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
+import { Sound } from "../sound.js";
 import {
-  PAGE, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
+  PAGE, alarm, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
@@ -50,6 +52,7 @@ export class RobotPanel {
       this.traces.take(message);
     });
     this.hear("therapy/state", (message) => this.movements.follow(message));
+    this.was = [null, false];
     this.hear("safety_state");
     this.hear("screw/controller_state");
     this.hear("screw/amplifier_state");
@@ -104,10 +107,15 @@ export class RobotPanel {
     this.session.show(this.heard["therapy/state"]?.message, this.isStopped(),
       unready(safety, endpoint, controller, state, this.session.space));
     this.support.show(state, controller, drive);
+    this.limits.show(state);
     say(this.stops, stopSays(drive));
     say(this.sentence, sessionSentence(state, this.protocols));
     const [word, kind] = badge(state, safety);
     say(this.badge, word);
+    this.word = word;
+    const tone = alarm(this.was[0], state, this.was[1], this.isStopped());
+    if (tone) sound.play(tone);
+    this.was = [state, this.isStopped()];
     this.badge.className = `badge ${kind}`;
     const [reason, isBad] = safetySentence(safety, endpoint, state);
     say(this.reasons, reason);
@@ -126,6 +134,7 @@ export class RobotPanel {
 const ATTEND_MS = 500; // a session pauses after 2 s without
 const $ = (id) => document.getElementById(id);
 let panels = [];
+const sound = new Sound(true);
 
 function notice(sentence) {
   $("notice").hidden = !sentence;
@@ -141,11 +150,20 @@ function connected(isOpen, sentence) {
 
 function frame(now) {
   for (const panel of panels) panel.draw(now);
+  const words = panels.map(({ word }) => word).filter(Boolean);
+  if (words.length) document.title = `${words.join(" · ")} – ${PAGE.title}`;
   requestAnimationFrame(frame);
 }
 
 async function main() {
   say($("title"), PAGE.title);
+  say($("sounds"), PAGE.soundsOn);
+  $("sounds").onclick = () => {
+    sound.set(!sound.isOn);
+    say($("sounds"), sound.isOn ? PAGE.soundsOn : PAGE.soundsOff);
+  };
+  sound.listen();
+  new Awake((isHeld) => say($("dims"), isHeld ? "" : PAGE.dims)).ask();
   say($("connection"), PAGE.connecting);
   const token = ownToken();
   const config = await configurationAtLast(token, (error) => notice(failure(error)));

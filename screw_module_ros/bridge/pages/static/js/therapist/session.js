@@ -3,7 +3,9 @@
 
 import { el, say } from "../draw.js";
 import { PAUSED, RUNNING, STARTING, isUnderWay } from "../link.js";
-import { CHECKS, PAGE, again, failure, sessionOf, toTick } from "../words.js";
+import { CHECKS, PAGE, again, askedSentence, failure, sessionOf, toTick } from "../words.js";
+
+const ASK = 32; // of StartTherapy.checks
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
 // with a digit: else a name of five letters would be one.
@@ -49,6 +51,7 @@ export class SessionCard {
     this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
       ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
+    this.asks = el("input", { type: "checkbox", checked: true });
     this.start = el("button", { type: "submit", className: "primary" }, PAGE.start);
     this.counted = el("span", { className: "counted", role: "status" });
     this.checks = Object.entries(CHECKS).map(([bit, words]) => [Number(bit), el("input", { type: "checkbox" }), words]);
@@ -58,6 +61,8 @@ export class SessionCard {
     this.pause = this.button(PAGE.pause, "therapy_session/pause");
     this.pause.append(el("small", {}, PAGE.pauses));
     this.resume = this.button(PAGE.resume, "therapy_session/resume");
+    this.rest = this.button(PAGE.rest, "therapy_session/rest");
+    this.rest.append(el("small", {}, PAGE.rests));
     this.end = this.button(PAGE.end, "therapy_session/abort");
     this.save = this.button(PAGE.save, "session_recorder/stop");
     this.told = el("p", { className: "told", role: "status" });
@@ -68,8 +73,10 @@ export class SessionCard {
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
       this.list,
       el("div", { className: "row" },
-        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.counted), this.missing,
-      this.acts = el("div", { className: "row" }, this.pause, this.resume, this.end, this.save));
+        el("label", { className: "check" }, this.record, PAGE.record),
+        el("label", { className: "check" }, this.asks, PAGE.ask), this.start, this.counted), this.missing,
+      this.asked = el("p", { className: "asked", role: "status" }),
+      this.acts = el("div", { className: "row" }, this.pause, this.resume, this.rest, this.end, this.save));
     form.noValidate = true;
     this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
@@ -109,7 +116,7 @@ export class SessionCard {
   submit(event) {
     event.preventDefault();
     const [protocol, record] = [this.protocol.value, this.record.checked];
-    const checks = this.checks.reduce((sum, [bit, box]) => sum + (box.checked ? bit : 0), 0);
+    const checks = this.checks.reduce((sum, [bit, box]) => sum + (box.checked ? bit : 0), this.asks.checked ? ASK : 0);
     this.ask("therapy_session/start", { ...this.whose(), protocol, record, checks });
   }
 
@@ -153,14 +160,19 @@ export class SessionCard {
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
-    for (const each of [this.patient, this.new, this.side, this.protocol, this.record]) each.disabled = isOn;
+    for (const each of [this.patient, this.new, this.side, this.protocol, this.record, this.asks]) each.disabled = isOn;
     const missing = isOn ? "" : this.lacking(unready);
     say(this.missing, missing);
     this.list.hidden = this.start.hidden = isOn;
     this.acts.hidden = !isOn;
     this.start.disabled = Boolean(isOn || missing);
+    const [asked, isAsked] = askedSentence(state);
+    say(this.asked, asked);
+    this.asked.classList.toggle("bad", isAsked);
+    this.rest.disabled = now !== RUNNING;
     this.pause.disabled = now !== RUNNING && now !== STARTING;
-    this.resume.disabled = now !== PAUSED || isStopped;
+    const waits = now === STARTING && (state.asks || isAsked);
+    this.resume.disabled = !(now === PAUSED || waits) || isStopped;
     this.end.disabled = !isOn;
     this.save.disabled = !(now && state.recorded);
   }
