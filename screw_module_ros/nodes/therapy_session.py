@@ -376,7 +376,7 @@ class TherapySessionNode(Node):
         name = self._named(request.protocol)
         protocol, definition = allowed_protocol(
             protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
-            self.parameters.read(WishLimits, "wish"),
+            self.parameters.read(WishLimits, "wish"), request.side,
         )  # fmt: skip
         return self.requests.ask(
             lambda: self._begin_session(protocol, definition, patient, request)

@@ -135,7 +135,7 @@ def progress_of(record: Record, patient: str) -> Progress:
             points = [point if _same_loads(visit, visits[-1]) else Point(text=point.text)
                       for visit, point in zip(visits, points, strict=True)]  # fmt: skip
         lines.append(_judged(Line(label, points), name, weeks))
-    dates = [f"{local(visit.session):%Y-%m-%d %H:%M}" for visit in visits]
+    dates = [f"{local(visit.session):%Y-%m-%d %H:%M %Z}".strip() for visit in visits]
     others = len(same) - sum(same)
     note = f"Figures are of {sum(same)} sessions of {latest['protocol']}, as it was in the latest"
     less = f"; {others} of other protocols or versions have none" if others else ""

@@ -75,14 +75,18 @@ def sha256(text: str) -> str:
 
 
 def allowed_protocol(
-    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits
+    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits, side: str = ""
 ) -> tuple[Protocol, str]:
     """Return the limited protocol of a YAML text, and its YAML: the text itself if nothing changes.
 
-    Raises SettingError for an invalid protocol, ValueError for a target outside the workspace.
+    A file is written for the right arm; for the left one its centre is mirrored in x. Raises
+    SettingError for an invalid protocol, ValueError for a target outside the workspace.
     """
     protocol = parse_protocol(text, name)
     softened = limited(protocol, assistance.stiffness)
+    if side == "left" and protocol.centre[0]:
+        x, y, z = protocol.centre
+        softened = softened._replace(centre=(-x, y, z))
     if softened != protocol:
         text = as_yaml(softened)
         protocol = parse_protocol(text, name)  # what is recorded is what is carried out

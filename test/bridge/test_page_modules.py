@@ -684,12 +684,12 @@ def test_an_error_has_a_sentence(result_of, error, told):
     assert result_of(script) == told
 
 
-def test_sentences_stand_in_one_module():
-    """The one place to translate."""
+def test_sentences_stand_in_two_modules():
+    """The places to translate: of the therapist's page, and of the patient's screen."""
     sentence = re.compile(r"""["`][A-Z][a-z]+ [a-z][^"`]*["`]""")
     for file in (FOLDER / "js").rglob("*.js"):
         found = sentence.findall(file.read_text("utf-8"))
-        assert bool(found) == (file.name == "words.js"), f"{file.name}: {found}"
+        assert bool(found) == (file.name in ("words.js", "languages.js")), f"{file.name}: {found}"
 
 
 def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
@@ -913,3 +913,48 @@ for (const now of [0, 199]) {
 }
 console.log(JSON.stringify({ drawn, says: told }));
 """
+
+
+@pytest.mark.parametrize(("side", "points"), [
+    ("right", [[0.06, 0.1, 0.2], [0.1, 0, 0.2]]),
+    ("left", [[-0.1, 0.1, 0.2], [-0.06, 0, 0.2]]),
+])  # fmt: skip
+def test_targets_stand_where_the_node_has_them_for_either_arm(result_of, side, points):
+    """Centre at 0.08 m: the node mirrors the centre, and the layout round it stays."""
+    found = result_of(f"""
+        import {{ targetsOf }} from "./js/link.js";
+        const protocol = {{ centre: [0.08, 0, 0.2], targets: [[0.06, 0.1, 0.2], [0.1, 0, 0.2]] }};
+        const result = targetsOf(protocol, {{ block: "", side: "{side}" }});
+    """)
+    assert found == [pytest.approx(point) for point in points]
+
+
+@pytest.mark.parametrize(("force", "height", "support", "space", "begins"), [
+    (-20, 0.2, 0, "vertical", "The arm hangs"), (-20, 0.02, 0, "space", "The arm has sunk"),
+    (-2, 0.2, 0, "vertical", ""), (-20, 0.2, 15, "vertical", ""), (-20, 0.2, 0, "plane", ""),
+])  # fmt: skip
+def test_why_an_arm_fails_is_said_only_where_nothing_carries_it(
+    result_of, force, height, support, space, begins
+):
+    said = result_of(f"""
+        import {{ hangsSentence }} from "./js/words.js";
+        const endpoint = {{
+          valid: [true, true, true], position: {{ z: {height} }}, force: {{ z: {force} }},
+        }};
+        const result = hangsSentence({{ state: 1, support: {support} }}, endpoint, "{space}");
+    """)
+    assert said.startswith(begins) and bool(said) is bool(begins)
+
+
+def test_each_language_of_the_patients_screen_says_everything(result_of):
+    """With as many arguments; nothing is left in the other language."""
+    english, german = result_of("""
+        import { LANGUAGES } from "./js/patient/languages.js";
+        const shape = (value, path) => typeof value === "object"
+          ? Object.entries(value).flatMap(([key, each]) => shape(each, `${path}.${key}`))
+          : [[path, typeof value === "function" ? `${value.length} ${value(1, 2, 3)}` : value]];
+        const result = ["en", "de"].map((name) => shape(LANGUAGES[name], ""));
+    """)
+    assert [key for key, _ in english] == [key for key, _ in german]
+    same = {key for (key, one), (_, other) in zip(english, german, strict=True) if one == other}
+    assert same == {".pause", ".seasons.3"}

@@ -379,6 +379,34 @@ def test_a_stop_that_nobody_hears_is_told_to_the_patient(patient):
     given.until_text(page, "The robot does not hear it: tell your therapist")
 
 
+def test_the_patients_screen_speaks_german(patient):
+    given, page = patient
+    given.until_text(page, "Pick fruit")
+    page.get_by_role("button", name="Deutsch").click()
+    given.until_text(page, "Obst pflücken")
+    assert page.evaluate("document.documentElement.lang") == "de"
+    page.reload()
+    above = {"x": 0, "y": 0, "z": 0.3}
+    given.until_text(page, "Den Aufzug hinauf zur Person", **RUNS, target=above)
+    assert page.get_by_role("button", name="Bitte anhalten").is_visible()
+    given.until_text(page, "Wie stark sind Ihre Schmerzen jetzt?", asks=1)
+    given.until_text(page, "Weiter in 12 s", asks=0, state=PAUSED, rest=11.2)
+    given.until_text(page, "Geschafft", state=FINISHED, rest=None)
+    given.until_text(page, "Was machen wir?", state=0)
+    page.get_by_role("button", name="English").click()
+    given.until_text(page, "Pick fruit")
+
+
+def test_the_page_says_why_an_arm_that_nothing_carries_fails(therapist):
+    given, page = therapist()
+    given.robot.hand = {"x": 0, "y": 0, "z": 0.021}
+    sunk = "The arm has sunk to the bottom, and nothing carries it: pause, weigh the arm"
+    given.until_text(page, sunk, **RUNS)
+    given.until_text(page, "The robot is ready", support=12.0)
+    given.until_text(page, sunk, support=0.0)
+    given.until_text(page, "The robot is ready", protocol="clock_adaptive")
+
+
 STARTING = 5
 
 

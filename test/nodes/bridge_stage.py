@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,8 @@ def write_protocol(folder: Path) -> None:
 class Stage:
     """Everything runs from entering to leaving; a thread is the operator and the patient."""
 
-    def __init__(self, folder: Path, port: int = 0):
+    def __init__(self, folder: Path, port: int = 0, extra: Sequence[str] = ()):
+        self._extra = extra
         write_protocol(folder)
         self.folder = folder
         self.states: list[TherapyState] = []
@@ -58,7 +59,7 @@ class Stage:
         self._token_file = folder / "state" / "tokens.json"
 
     def __enter__(self) -> Stage:
-        self.graph = GraphRun(shared=WHOLE)
+        self.graph = GraphRun(extra=self._extra, shared=WHOLE)
         self.graph.__enter__()
         common = ["--ros-args", *self.graph.arguments("endpoint_state")]
         folder = ["-p", f"folder:={self.folder}"]

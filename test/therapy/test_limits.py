@@ -132,3 +132,15 @@ def test_limits_of_wishes_change_while_wishes_come():
     assert gate.passed((1.0, -1.0, 1.0), hand, 100 * 200_000_000) == pytest.approx(
         (0.05, -0.02, 0.1)
     )
+
+
+@pytest.mark.parametrize(("side", "x"), [("left", -0.03), ("right", 0.03), ("", 0.03)])
+def test_a_layout_beside_the_middle_is_mirrored_for_the_left_arm(side, x):
+    """What is recorded is what is carried out; a layout in the middle stays the file's own text."""
+    text = as_yaml(load_protocol("reach_3d")._replace(centre=(0.03, 0.0, 0.18)))
+    wide = WishLimits(half_width=0.19)
+    protocol, definition = allowed_protocol(text, "test", AssistanceLimits(), wide, side)
+    assert protocol.centre == (x, 0.0, 0.18)
+    assert parse_protocol(definition, "test") == protocol
+    middle = as_yaml(load_protocol("reach_3d"))
+    assert allowed_protocol(middle, "test", AssistanceLimits(), wide, side)[1] == middle

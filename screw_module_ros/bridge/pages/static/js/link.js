@@ -18,10 +18,17 @@ export function isWeighed(state) {
   return state?.kind === "weigh" && !isUnderWay(state);
 }
 
+// A point of a protocol as it stands for an arm: for the left one the protocol's centre is mirrored in x.
+export function sided(protocol, side, point) {
+  if (side !== "left" || !protocol.centre) return point;
+  const [x, y, z] = point;
+  return [x - 2 * protocol.centre[0], y, z];
+}
+
 // The targets of the block that runs: those of all blocks together would overlap.
-export function targetsOf(protocol, { block }) {
+export function targetsOf(protocol, { block, side }) {
   const { blocks = {}, targets = [] } = protocol ?? {};
-  return Object.hasOwn(blocks, block) ? blocks[block] : targets;
+  return (Object.hasOwn(blocks, block) ? blocks[block] : targets).map((point) => sided(protocol, side, point));
 }
 
 const FIRST_PAUSE_MS = 300;

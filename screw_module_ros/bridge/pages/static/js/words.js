@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every sentence and label of both pages: the one place to translate. Labels and units of measures come
+// Every sentence and label of the therapist's page, and what is said when on the patient's screen, whose own
+// sentences are in `patient/languages.js`. Labels and units of measures come
 // from the bridge (`config.measures`), titles of protocols too.
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
   SAFETY_STOPPED, STARTING, WAIT, isUnderWay, isWeighed,
 } from "./link.js";
+import { LANGUAGES, chosenLanguage } from "./patient/languages.js";
 
 // Why something did not work ----------------------------------------------------------------
 
@@ -24,89 +26,62 @@ export function failure({ cause, message }) {
 
 // The patient's screen ----------------------------------------------------------------------
 
-export const SCREEN = {
-  picture: "Where the hand is and where it is to go",
-  progress: "Movements done",
-  hands: { left: "Hand: left", right: "Hand: right" },
-  dims: "This screen may dim or switch itself off: set it so that it stays on.",
-  stop: "Please stop", unheard: "The robot does not hear it: tell your therapist",
-  back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
-  menu: "What shall we do?", hint: "Touch a picture to play. The therapist starts the exercises.",
-  fruit: "Pick fruit", free: "Move freely", freely: "Move the blue hand wherever you like", start: "start",
-};
-// What the patient is asked, by the constants of TherapyState.msg: question, meaning of 0 and of 10.
-export const QUESTIONS = {
-  1: ["How much pain do you feel now?", "0: none", "10: the worst that you can think of"],
-  2: ["How tired are you now?", "0: not at all", "10: as tired as can be"],
-};
-const WAITING = "One moment …";
-const FOR_ROBOT = "Waiting for the robot";
+// In the language that was chosen there.
+export const SCREEN = LANGUAGES[chosenLanguage()];
 const PATIENT_ASKED = "the patient asked"; // the session's reason after his own stop
-const ASK_THERAPIST = "Your therapist knows what to do";
-
-const WEIGHED = { // what is asked of him whose arm is weighed
-  [WAIT]: ["Your arm is strapped in", "Lay it down, and let it rest"],
-  [MOVING]: ["Let your arm hang", "Loose and heavy: the robot moves it to three places"],
-};
-
-const TASKS = {
-  reach: "Move the blue hand to the orange diamond", circle: "Draw circles along the orange line",
-  hold: "Hold your hand still", resisted: "Keep the blue hand on the orange diamond",
-  strength: "Push in the direction of the arrow",
-};
 
 // What to do now in a session; isAtStart: the hand is where the movement begins.
 export function task(state, isAtStart) {
-  if (state.phase === PREPARE) return isAtStart ? "Get ready" : "Relax: the robot moves your hand";
-  if (state.phase === REACHED) return "Well done";
+  if (state.phase === PREPARE) return isAtStart ? SCREEN.ready : SCREEN.relax;
+  if (state.phase === REACHED) return SCREEN.wellDone;
   const lift = state.kind === "reach" && state.start.z !== state.target.z
     && state.start.x === state.target.x && state.start.y === state.target.y;
-  const way = state.target?.z > state.start?.z ? "Lift" : "Lower";
-  const words = lift ? `${way} the elevator to the person` : TASKS[state.kind] ?? "";
-  if (state.phase === OVER_TIME && state.kind === "reach") return "Take your time";
+  const way = state.target?.z > state.start?.z ? SCREEN.lift : SCREEN.lower;
+  const words = lift ? way : SCREEN.tasks[state.kind] ?? "";
+  if (state.phase === OVER_TIME && state.kind === "reach") return SCREEN.takeTime;
   return [WAIT, MOVING, OVER_TIME].includes(state.phase) ? words : "";
 }
+
+// What is asked of him whose arm is weighed.
+const WEIGHED = { [WAIT]: SCREEN.strapped, [MOVING]: SCREEN.hang };
 
 // What covers the picture, [sign, title, more]; null when nothing does. sign: a picture of `scenes`.
 export function veil({
   sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
 }) {
-  if (!isOpen) return ["lost", WAITING, sentence || "Connecting to the robot"];
-  if (!isHeard) return ["wait", FOR_ROBOT, "It does not tell anything yet"];
+  if (!isOpen) return ["lost", SCREEN.waiting, sentence || SCREEN.connecting];
+  if (!isHeard) return ["wait", SCREEN.forRobot, SCREEN.silent];
   const isOn = isUnderWay(state);
-  if (isOn && !isTold) return ["wait", WAITING, "The exercise has stopped"];
-  if (safety === SAFETY_STOPPED) return ["stop", "The robot has stopped", ASK_THERAPIST];
-  if (safety !== SAFETY_OK) return ["wait", FOR_ROBOT, ASK_THERAPIST];
-  if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? ["Hands off the handle", "Only for a moment"]];
-  if (state?.state === STARTING) return ["start", WAITING, "The exercise is about to begin"];
+  if (isOn && !isTold) return ["wait", SCREEN.waiting, SCREEN.ceased];
+  if (safety === SAFETY_STOPPED) return ["stop", SCREEN.stopped, SCREEN.askTherapist];
+  if (safety !== SAFETY_OK) return ["wait", SCREEN.forRobot, SCREEN.askTherapist];
+  if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? SCREEN.handsOff];
+  if (state?.state === STARTING) return ["start", SCREEN.waiting, SCREEN.begins];
   if (state?.state === PAUSED) {
-    if (state.rest != null) return ["pause", "A rest", `It goes on in ${seconds(state.rest)}`];
-    const own = state.reason === PATIENT_ASKED;
-    return ["pause", "Pause", own ? "As you asked. Tell your therapist why" : "The therapist goes on in a moment"];
+    if (state.rest != null) return ["pause", SCREEN.rest, SCREEN.goesOn(whole(state.rest))];
+    return ["pause", SCREEN.pause, state.reason === PATIENT_ASKED ? SCREEN.own : SCREEN.paused];
   }
   if (state?.state === FINISHED) {
-    const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
-    return ["flowers", "Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
+    const count = hasOthers ? SCREEN.reached(reached) : SCREEN.reachedOf(reached, trials);
+    return ["flowers", SCREEN.finished, hasSeenAll ? count : ""];
   }
-  if (state?.state === ABORTED) return ["done", "The exercise has ended", ""];
+  if (state?.state === ABORTED) return ["done", SCREEN.ended, ""];
   return null;
 }
 
-function seconds(left) {
-  return `${Math.max(0, Math.ceil(left))} s`;
+function whole(seconds) {
+  return Math.max(0, Math.ceil(seconds));
 }
 
 export function noRobot(asked) {
-  return `There is no robot ${asked} here: ask for the right address.`;
+  return SCREEN.noRobot(asked);
 }
-
-const SEASONS = ["Spring", "Summer", "Autumn", "Winter"];
 
 // The line above the game; streak: fruit picked without a pause, 0 while it is too short to count.
 export function gameLine({ score, picked, basket, streak }) {
-  if (!picked) return "Move the blue hand to the fruit";
-  const row = streak ? ` · ${streak} in a row` : "";
-  return `${score} points · ${SEASONS[basket % SEASONS.length]}, basket ${basket + 1}${row}`;
+  if (!picked) return SCREEN.toFruit;
+  const line = SCREEN.points(score, SCREEN.seasons[basket % SCREEN.seasons.length], basket + 1);
+  return streak ? line + SCREEN.row(streak) : line;
 }
 
 // The therapist's page ----------------------------------------------------------------------
@@ -290,7 +265,7 @@ export function sessionSentence(state, protocols) {
       if (state.asks) return `${state.patient}: ${title}. Starting: the patient is asked on his screen; Resume goes on without.`;
       return `${state.patient}: ${title}. Starting: ${state.reason}.`;
     case PAUSED:
-      if (state.rest != null) return `${state.patient}: ${title}. ${count}: a rest, ${seconds(state.rest)} left; Resume ends it. ${kept}`;
+      if (state.rest != null) return `${state.patient}: ${title}. ${count}: a rest, ${whole(state.rest)} s left; Resume ends it. ${kept}`;
       return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
@@ -332,6 +307,17 @@ export function alarm(before, state, wasStopped, isStopped) {
   if (isStopped && !wasStopped) return "stopped";
   const isNew = state?.state === PAUSED && (before?.state !== PAUSED || before.reason !== state.reason);
   return isNew && state.rest == null && state.reason !== "the therapist paused it" ? "paused" : "";
+}
+
+const HANGS = -8, CARRIES = 2, FLOOR = 0.03; // [N] of the arm on the handle, [N] that carry nothing, [m]
+
+// Why a patient fails whose arm nothing carries, and the way out; "" for any other.
+export function hangsSentence(state, endpoint, space) {
+  if (!isUnderWay(state) || space === "plane" || !endpoint?.valid[2] || Math.abs(state.support) > CARRIES) return "";
+  const isLow = endpoint.position.z < FLOOR;
+  if (!isLow && endpoint.force.z > HANGS) return "";
+  const what = isLow ? "The arm has sunk to the bottom" : "The arm hangs on the handle";
+  return `${what}, and nothing carries it: pause, weigh the arm and give support.`;
 }
 
 // What to do after a stop. Only an operator resets it: no page has that right.

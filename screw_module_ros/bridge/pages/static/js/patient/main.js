@@ -8,8 +8,9 @@ import {
   isUnderWay, isWeighed, named, ownToken,
 } from "../link.js";
 import { Sound } from "../sound.js";
-import { QUESTIONS, SCREEN, failure, noRobot, task, veil } from "../words.js";
+import { SCREEN, failure, noRobot, task, veil } from "../words.js";
 import { FruitGame, drawApple } from "./fruit.js";
+import { changeLanguage, chosenLanguage } from "./languages.js";
 import { SCENES, drawSign } from "./scenes.js";
 
 function placeOf(place) {
@@ -172,6 +173,7 @@ function showWords(inSession, isHeard, isTold) {
   }
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
+  $("language").hidden = inSession; // a reload there would lose the count of the targets
   $("back").hidden = inSession || play === null;
   showQuestion(world.isOpen && isTold);
   $("stop").hidden = !canStop();
@@ -212,9 +214,9 @@ const ANSWER = 16; // an answer is 16 times the question, and the number
 // Asks for pain or tiredness, over all else, while the session's node says so.
 function showQuestion(isOpen) {
   const asks = isOpen ? world.state?.asks ?? 0 : 0;
-  $("ask").hidden = !QUESTIONS[asks];
+  $("ask").hidden = !SCREEN.questions[asks];
   if ($("ask").hidden) return;
-  put($("ask").querySelectorAll("h1, span"), QUESTIONS[asks]);
+  put($("ask").querySelectorAll("h1, span"), SCREEN.questions[asks]);
   const isAnswered = world.answered === asks && performance.now() - world.answeredAt < AGAIN_MS;
   for (const button of $("numbers").children) button.disabled = isAnswered;
 }
@@ -270,6 +272,9 @@ function makeButtons() {
   canvas.setAttribute("aria-label", SCREEN.picture);
   $("progress").setAttribute("aria-label", SCREEN.progress);
   for (const id of ["back", "full", "hint", "stop"]) say($(id), SCREEN[id]);
+  document.documentElement.lang = chosenLanguage();
+  say($("language"), SCREEN.other);
+  $("language").onclick = changeLanguage;
   say($("sound"), SCREEN.soundOff);
   say($("menu").querySelector("h1"), SCREEN.menu);
   $("sound").onclick = () => setSound(!sound.isOn);

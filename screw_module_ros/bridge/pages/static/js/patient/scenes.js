@@ -8,7 +8,7 @@ import {
   BLUE, GREEN, INK, LINE, ORANGE, SKY, SOFT, VERMILLION, YELLOW, arrow, disc, drawFlower, drawGoal, drawHand,
   drawPalm, line, text, tick,
 } from "../draw.js";
-import { OVER_TIME, PREPARE, REACHED, targetsOf } from "../link.js";
+import { OVER_TIME, PREPARE, REACHED, sided, targetsOf } from "../link.js";
 import { RADIUS, camera, drawFloor, drawPost, drawWay, seen } from "../space.js";
 import { SCREEN } from "../words.js";
 
@@ -33,7 +33,7 @@ function drawClock({ ctx, width, height }, world) {
   const place = (p) => [width / 2 + scale * p.x, 0.56 * height - scale * p.y];
   const { state, hand, protocol, seen: count, bloom } = world;
   const radius = Math.max(LEAST, scale * (state.hit_radius || 0.01), BIG * scale);
-  const [middle, ...places] = [protocol?.centre, ...targetsOf(protocol, state)].map(asPoint);
+  const [middle, ...places] = [protocol?.centre && sided(protocol, state.side, protocol.centre), ...targetsOf(protocol, state)].map(asPoint);
   const [cx, cy] = place(middle);
   disc(ctx, cx, cy, 0.185 * scale, "#ffffff", LINE, 4);
   for (const each of places) line(ctx, cx, cy, ...place(each), count.times(each) ? GREEN : LINE, 0.004 * scale);

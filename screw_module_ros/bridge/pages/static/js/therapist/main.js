@@ -6,7 +6,7 @@ import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
 import { Sound } from "../sound.js";
 import {
-  PAGE, alarm, badge, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
+  PAGE, alarm, badge, hangsSentence, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
 } from "../words.js";
 import { Traces, Views } from "./charts.js";
 import { LimitsCard } from "./limits.js";
@@ -15,7 +15,7 @@ import { MovementsCard } from "./movements.js";
 import { SessionCard } from "./session.js";
 import { SupportCard } from "./support.js";
 
-const SILENT_MS = 3000;
+const SILENT_MS = 3000, HANGS_MS = 2000;
 const LIMITS_MS = 5000; // another therapist's page may set them
 const VIEW_MS = 30, TRACE_MS = 100; // who supervises needs no more pictures than these
 
@@ -58,7 +58,7 @@ export class RobotPanel {
     this.hear("screw/amplifier_state");
     this.hear("therapy/trial", (message) => this.movements.take(message));
     this.hear("therapy/assistance", (message) => this.movements.takeChange(message));
-    this.drawn = this.viewed = this.refreshed = 0;
+    this.drawn = this.viewed = this.refreshed = this.sankAt = 0;
   }
 
   hear(topic, more = () => {}) {
@@ -117,10 +117,13 @@ export class RobotPanel {
     if (tone) sound.play(tone);
     this.was = [state, this.isStopped()];
     this.badge.className = `badge ${kind}`;
-    const [reason, isBad] = safetySentence(safety, endpoint, state);
-    say(this.reasons, reason);
-    this.reasons.classList.toggle("bad", isBad);
     const shown = this.protocols.find(({ protocol }) => protocol === state?.protocol);
+    const [reason, isBad] = safetySentence(safety, endpoint, state);
+    const hangs = isBad ? "" : hangsSentence(state, endpoint, shown?.space ?? "plane");
+    if (!hangs) this.sankAt = now; // who only pushes down for a moment does not hang
+    const isHanging = now - this.sankAt > HANGS_MS;
+    say(this.reasons, isHanging ? hangs : reason);
+    this.reasons.classList.toggle("bad", isBad || isHanging);
     this.movements.show();
     this.views.draw(endpoint, state, this.allowed, shown);
     if (now - this.drawn > TRACE_MS) {
