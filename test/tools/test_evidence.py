@@ -13,9 +13,11 @@ import sys
 from xml.sax.saxutils import quoteattr
 
 import pytest
+from small_bag import protocol, small_bag
 
 import build_state
 import evidence
+import evidence_page
 import results_of_tests
 from hazards import PAGE, hazards
 from results_of_tests import FAILED, PASSED, SKIPPED, Result
@@ -189,6 +191,23 @@ def test_the_software_is_named_by_law_and_files():
     file = "params/therapy/clock_adaptive.yaml"
     content = (build_state.ROOT / file).read_bytes()
     assert found["files"][file] == hashlib.sha256(content).hexdigest()
+
+
+def test_each_session_names_its_software_law_protocol_and_parameters(tmp_path):
+    small_bag(tmp_path, "P-7K3QX")
+    small_bag(tmp_path, "P-9M4TR", definition=protocol(count=3))
+    found = evidence.sessions(tmp_path)
+    assert [each["software"] for each in found] == ["0.1.0 0123456789ab"] * 2
+    assert {each["law"] for each in found} == {"force 1.0"}
+    assert len({each["protocol_sha256"] for each in found}) == 2
+    assert {len(each["parameters_sha256"]) for each in found} == {64}
+    assert "P-7K3QX" not in json.dumps(found)
+    known = evidence_page.page({
+        "cannot": "", "made": "", "hazards": [], "parts": [], "sessions": found,
+        "build": {"software": "0.1.0 0123456789ab", "commit": "", "committed": "", "tried": "",
+                  "dirty": ["units.py"], "laws": {}, "files": {}},
+    }, "")  # fmt: skip
+    assert known.count("(this build, dirty)") == 2
 
 
 @pytest.mark.long
