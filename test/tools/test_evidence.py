@@ -104,6 +104,14 @@ def test_without_one_of_them_it_is_open_and_named(made, capsys, case, change):
     assert "OPEN It pulls too hard: " in capsys.readouterr().out
 
 
+def test_a_row_that_did_not_run_is_not_made_up_for_by_another_one(made):
+    cases = {key: came for key, came in CASES.items() if "cable-late" not in key[1]}
+    cases["test.faults.test_rows", "test_row[cable-out-composed]"] = ""
+    code, found = made(cases)
+    assert code == 3
+    assert [each["came"] for each in found["hazards"][0]["proofs"]][-1] == "not run"
+
+
 def test_results_of_another_build_show_nothing(made, capsys):
     code, _ = made(CASES, "yesterday")
     assert code == 3
