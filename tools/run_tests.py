@@ -62,10 +62,21 @@ def chosen(arguments: list[str]) -> list[str]:
 
 
 def named() -> list[str]:
-    """Return what docs/hazards.md names, for pytest; of a conversation its file's tests."""
-    tests = {test for each in hazards.hazards(hazards.PAGE.read_text("utf-8"))
+    """Return what docs/hazards.md names, for pytest; of a conversation its file's tests.
+
+    In the order of each file: a test with a browser leaves an event loop behind.
+    """
+    tests = {re.sub(r"[^/]+\.txt::.*", "test_conversations.py", test)
+             for each in hazards.hazards(hazards.PAGE.read_text("utf-8"))
              for test in each.tests}  # fmt: skip
-    return sorted({re.sub(r"[^/]+\.txt::.*", "test_conversations.py", test) for test in tests})
+    return sorted(tests, key=_place)
+
+
+def _place(test: str) -> tuple[str, int]:
+    """Return the file of a test, and where in it the test stands."""
+    file, _, name = test.partition("::")
+    found = re.search(rf"^(def )?{name}\b", (ROOT / file).read_text("utf-8"), re.MULTILINE)
+    return file, found.start() if found and name else 0
 
 
 def run_kept(arguments: list[str], env: dict[str, str]) -> int:

@@ -19,6 +19,7 @@ import build_state
 import evidence
 import evidence_page
 import results_of_tests
+import run_tests
 from hazards import PAGE, hazards
 from results_of_tests import FAILED, PASSED, SKIPPED, Result
 
@@ -181,6 +182,15 @@ def test_a_state_names_commit_and_what_differs_from_it(tmp_path):
     changed = build_state.state(tmp_path)
     assert changed["dirty"] == ["params/a.yaml"]
     assert changed["commit"] == clean["commit"] and changed["tried"] != clean["tried"]
+
+
+def test_what_hazards_name_is_carried_out_in_the_order_of_its_files():
+    """A test with a browser leaves an event loop behind, which others of its file cannot bear."""
+    named = run_tests.named()
+    assert named == sorted(named, key=lambda test: test.partition("::")[0])
+    page = [test.partition("::")[2] for test in named if "test_web_bridge.py" in test]
+    text = (build_state.ROOT / "test/nodes/test_web_bridge.py").read_text("utf-8")
+    assert page and page == sorted(page, key=lambda name: text.index(f"def {name}("))
 
 
 @pytest.mark.long
