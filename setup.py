@@ -13,7 +13,8 @@ PROGRAMS = (  # what they are: screw_module_ros/programs.py
     "check_hardware", "session", "reproduce", "study",
 )  # fmt: skip
 # What the modules of each product import beside ROS 2 (the table in pyproject.toml), and what those
-# below it do. package.xml and requirements/runtime.txt follow: a test compares all three.
+# below it do. package.xml and requirements/runtime.txt follow, but for gymnasium: a test compares
+# all three.
 ROBOT = [
     "canopen", "click", "lz4", "mcap", "msgpack", "numpy", "python-can", "pyyaml", "rich",
     "rosbags", "xacro", "zstandard",
@@ -21,6 +22,7 @@ ROBOT = [
 THERAPY = [*ROBOT, "aiohttp", "jinja2", "matplotlib", "scipy"]
 SIMULATION = [*THERAPY, "greenlet", "numba"]
 EXPERIMENTS = [*SIMULATION, "markdown-it-py"]
+GYM = [*EXPERIMENTS, "gymnasium"]
 EXECUTABLES = [f"{program} = {NAME}.programs:{program}" for program in PROGRAMS]
 
 setup(
@@ -54,6 +56,7 @@ setup(
         "therapy": THERAPY,
         "simulation": SIMULATION,
         "experiments": EXPERIMENTS,
+        "gym": GYM,
         "cluster": ["distributed"],  # study --scheduler
         "mujoco": ["mujoco"],  # runs what robot_description --mujoco prints; Python 3.11 or newer
         "test": [

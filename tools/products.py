@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The four products of the package: `tool.screw_module_ros.products` of pyproject.toml, read.
+"""The products of the package: `tool.screw_module_ros.products` of pyproject.toml, read.
 
 Also the contract of import-linter that a product imports from itself and from those below it alone.
 """

@@ -44,10 +44,10 @@ class SimulationState(NamedTuple):
     muscles: Muscles
 
 
-# Where its parts begin in `numbers_of` a state.
-_VERTICAL = 1
-_PLANAR = _VERTICAL + len(ModuleState._fields)
-_HAND = _PLANAR + len(ManusState._fields)
+# Where its parts begin in `numbers_of` a state; those of a part follow in the order of its fields.
+VERTICAL = 1
+PLANAR = VERTICAL + len(ModuleState._fields)
+_HAND = PLANAR + len(ManusState._fields)
 _MUSCLES = _HAND + 6
 
 
@@ -113,10 +113,10 @@ def advancing(planar_step: Callable) -> Callable:
             z += vz * dt
             ticks += 1
         n[0] = ticks
-        for i in range(_PLANAR - _VERTICAL):
-            n[_VERTICAL + i] = vertical[i]
-        for i in range(_HAND - _PLANAR):
-            n[_PLANAR + i] = planar[i]
+        for i in range(PLANAR - VERTICAL):
+            n[VERTICAL + i] = vertical[i]
+        for i in range(_HAND - PLANAR):
+            n[PLANAR + i] = planar[i]
         n[39], n[40], n[41], n[42], n[43], n[44] = x, y, z, vx, vy, vz
         n[45], n[46], n[47], n[48] = muscles
 
@@ -131,8 +131,8 @@ def numbers_of(s: SimulationState) -> list[float]:
 def state_of(numbers: list[float]) -> SimulationState:
     """Return the state with these numbers."""
     new = tuple.__new__  # each millisecond: without the calls of their constructors
-    vertical = new(ModuleState, numbers[_VERTICAL:_PLANAR])
-    planar = new(ManusState, numbers[_PLANAR:_HAND])
+    vertical = new(ModuleState, numbers[VERTICAL:PLANAR])
+    planar = new(ManusState, numbers[PLANAR:_HAND])
     x, y, z, vx, vy, vz = numbers[_HAND:_MUSCLES]
     muscles = new(Muscles, numbers[_MUSCLES:])
     return SimulationState(int(numbers[0]), vertical, planar, x, y, z, vx, vy, vz, muscles)

@@ -67,7 +67,7 @@ def _hold_deviation(trial: Trial) -> float:
 EFFORT_MASS = 6.5  # [kg] ours: module and plane at the handle (params/plant.yaml)
 EFFORT_FRICTION = 0.8  # [N] ours: of the plane at the handle, in the middle of its range
 EFFORT_TIME = 3.0  # [s] ours: the slowest wall of an adaptation
-_RESTING = 0.05  # [s] ours: less than any reaction
+RESTING = 0.05  # [s] ours: less than any reaction
 
 
 def _effort(trial: Trial) -> float:
@@ -77,7 +77,7 @@ def _effort(trial: Trial) -> float:
     shown_ns = trial.samples[0].time_ns
     force = [trial.line.along(s.force) for s in trial.samples if s.time_ns <= touched_ns]
     resting = [trial.line.along(s.force) for s in trial.samples
-               if s.time_ns - shown_ns <= _RESTING * 1e9]  # fmt: skip
+               if s.time_ns - shown_ns <= RESTING * 1e9]  # fmt: skip
     mean_acceleration = 2.0 * PEAK_SPEED * trial.line.length / EFFORT_TIME**2
     needed = EFFORT_MASS * mean_acceleration + EFFORT_FRICTION
     return (_mean(force) - _mean(resting)) / needed

@@ -65,7 +65,7 @@ class TrialCourse:
         self.line = Line(plan.start, plan.target, protocol.space)
         self.kind = self._block.kind
         self.origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
-        self._slot = _slot_of(protocol, self._block, assistance)
+        self._slot = slot_of(protocol, self._block, assistance)
         self._samples: list[HandSample] = []
         self._since_ns = self._start_ns = self._rest_ns = self._end_ns = 0
         self._initiated = self._reached = False
@@ -89,14 +89,14 @@ class TrialCourse:
         away = distance(space, sample.position, self.origin)
         if self.wish is NO_SLOT:
             self._since_ns = sample.time_ns
-            guide = self._guide()
-            self.wish = slots(Line(sample.position, self.origin, space), guide, sample.time_ns)
+            way = Line(sample.position, self.origin, space)
+            self.wish = slots(way, guide_of(self._protocol), sample.time_ns)
         passed = self._passed(sample, self._since_ns)
         if away > rules.hit_radius:
             self._rest_ns = 0
             if passed >= rules.prepare_duration and self.wish.start_ns == self._since_ns:
                 point = Line(self.origin, self.origin, space)
-                self.wish = slots(point, self._pull(), sample.time_ns)
+                self.wish = slots(point, pull_of(self._protocol), sample.time_ns)
             if passed > rules.prepare_limit:
                 raise PrepareError(
                     f"the hand is {away * 1e3:.0f} mm from the start of trial {self.plan.number} "
@@ -106,27 +106,6 @@ class TrialCourse:
         self._rest_ns = self._rest_ns or sample.time_ns
         if self._passed(sample, self._rest_ns) >= rules.settle_time:
             self._show(sample)
-
-    def _guide(self) -> Slot:
-        rules = self._rules
-        return self._protocol.guidance.slot()._replace(
-            duration=rules.prepare_duration,
-            back_stiffness=rules.prepare_stiffness,
-            side_stiffness=rules.prepare_stiffness,
-            half_width=rules.hit_radius,
-            end_half_width=0.2 * rules.hit_radius,
-            growth=0.0,
-        )
-
-    def _pull(self) -> Slot:
-        """Return a tube at the start, which stiffens: a pull away from the line stops no session.
-
-        From the line alone the hand hangs where the arm's pull and the side walls are equal.
-        """
-        return self._guide()._replace(
-            duration=_AT_ONCE, half_width=0.0, end_half_width=0.0,
-            growth=self._rules.prepare_growth,
-        )  # fmt: skip
 
     def _show(self, sample: HandSample) -> None:
         """Show the target; a trial without a reach starts at once."""
@@ -236,7 +215,31 @@ class TrialCourse:
         return (sample.time_ns - since_ns) / _NS
 
 
-def _slot_of(protocol: Protocol, block: Block, assistance: Assistance) -> Slot:
+def guide_of(protocol: Protocol) -> Slot:
+    """Return the slot that brings the hand to a trial's start, without start and target."""
+    rules = protocol.rules
+    return protocol.guidance.slot()._replace(
+        duration=rules.prepare_duration,
+        back_stiffness=rules.prepare_stiffness,
+        side_stiffness=rules.prepare_stiffness,
+        half_width=rules.hit_radius,
+        end_half_width=0.2 * rules.hit_radius,
+        growth=0.0,
+    )
+
+
+def pull_of(protocol: Protocol) -> Slot:
+    """Return a tube at the start, which stiffens: a pull away from the line stops no session.
+
+    From the line alone the hand hangs where the arm's pull and the side walls are equal.
+    """
+    return guide_of(protocol)._replace(
+        duration=_AT_ONCE, half_width=0.0, end_half_width=0.0,
+        growth=protocol.rules.prepare_growth,
+    )  # fmt: skip
+
+
+def slot_of(protocol: Protocol, block: Block, assistance: Assistance) -> Slot:
     """Return the slot of a block's trials, without start and target."""
     slot = protocol.guidance.slot()
     if block.kind in _HELD:

@@ -77,7 +77,7 @@ def extra(name: str) -> set[str]:
 
 def test_every_module_is_in_a_product_and_every_name_of_the_table_is_a_module():
     products = table()
-    assert list(products) == ["experiments", "simulation", "therapy", "robot"]
+    assert list(products) == ["gym", "experiments", "simulation", "therapy", "robot"]
     assert {product_of(module, products) for module in modules()} == set(products)
     named = {name for names in products.values() for name in names}
     assert named <= modules().keys(), "a name of the table is no module any more"
@@ -151,7 +151,7 @@ def test_a_file_in_no_product_ends_the_ratchet(tmp_path):
 # What is installed for a product ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("product", ["robot", "therapy", "simulation", "experiments"])
+@pytest.mark.parametrize("product", ["robot", "therapy", "simulation", "experiments", "gym"])
 def test_the_extra_of_a_product_names_what_its_modules_import_and_no_more(product):
     products = table()
     order = list(products)
