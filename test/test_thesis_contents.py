@@ -62,7 +62,7 @@ def page() -> str:
         filled("The notebooks are stored without output: [appendix A](thesis/appendix_a.ipynb), "
                "[appendix D](thesis/appendix_d.ipynb), [Table 5.1](thesis/table_5_1.ipynb). "
                "`tools/run python tools/notebooks.py` runs them and leaves them with their output "
-               "in `build/thesis/`."),
+               "in `build/notebooks/`."),
         "",
         filled(f"{headline()} (by chapter: {by_chapter}). The others are photographs, sketches, "
                "bond graphs and block diagrams. Tables: "

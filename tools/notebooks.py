@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run the notebooks of docs/thesis; with their output they lie in build/thesis.
+"""Run the notebooks of docs/thesis and examples; with their output they lie in build/notebooks.
 
-    tools/run python tools/notebooks.py
+    tools/run python tools/notebooks.py [NAME...]
 
 The repository stores them without output: what they show is what this version of the code finds.
 """
@@ -16,6 +16,7 @@ from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "docs/thesis").glob("*.ipynb"))
+EXAMPLES = sorted((ROOT / "examples/notebooks").glob("*.ipynb"))
 _LONGEST_S = 300
 
 
@@ -32,10 +33,13 @@ def executed(file: Path, last: str = "") -> nbformat.NotebookNode:
 
 
 def main() -> int:
-    """Run all of them; return the exit code."""
-    folder = ROOT / "build/thesis"
+    """Run those that are named, or all of them; return the exit code."""
+    folder, named = ROOT / "build/notebooks", sys.argv[1:]
     folder.mkdir(parents=True, exist_ok=True)
-    for file in NOTEBOOKS:
+    chosen = [file for file in (*NOTEBOOKS, *EXAMPLES) if file.stem in named or not named]
+    if not chosen:
+        sys.exit(f"there are {', '.join(file.stem for file in (*NOTEBOOKS, *EXAMPLES))}")
+    for file in chosen:
         nbformat.write(executed(file), folder / file.name)
         print(folder / file.name)
     return 0
