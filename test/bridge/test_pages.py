@@ -379,6 +379,22 @@ def test_a_stop_that_nobody_hears_is_told_to_the_patient(patient):
     given.until_text(page, "The robot does not hear it: tell your therapist")
 
 
+def test_when_it_paused_is_told_in_local_time_with_its_zone(serving, browser):
+    """A page that was opened later does not know when, and says nothing of it."""
+    given = serving()
+    pages = [browser.new_page(timezone_id="Asia/Kolkata")]
+    pages[0].clock.install(time="2026-03-03T08:35:00Z")
+    pages[0].goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    given.until_text(pages[0], "Running", **RUNS)
+    pause = {"state": PAUSED, "reason": "the patient asked"}
+    given.until_text(pages[0], "the patient asked, at 14:05 GMT+5:30.", **pause)
+    pages.append(browser.new_page())
+    pages[1].goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    given.until_text(pages[1], "the patient asked. It is")
+    for page in pages:
+        page.close()
+
+
 def test_the_patients_screen_speaks_german(patient):
     given, page = patient
     given.until_text(page, "Pick fruit")
@@ -457,6 +473,12 @@ def test_a_rest_counts_down_on_both_pages(therapist, open_page, wait_until):
     for left in (60.0, 41.2):
         given.until_text(page, f"a rest, {math.ceil(left)} s left", **rests, rest=left)
         given.until_text(screen, f"It goes on in {math.ceil(left)} s")
+    page.get_by_role("button", name="Pause").click()  # then it waits
+    screen.get_by_role("button", name="Please stop").click()
+    asked = {f"/therapy_session/{name}" for name in ("pause", "pause_by_patient")}
+    wait_until(lambda: asked <= {service for service, _ in given.robot.calls})
+    given.until_text(page, "the patient asked", reason="the patient asked", rest=None)
+    assert page.get_by_role("button", name="Pause").is_disabled()
 
 
 def test_the_therapist_hears_and_reads_in_the_tab_that_it_paused(therapist):

@@ -163,8 +163,12 @@ def opened(browser, address, errors, size=(1400, 900)):
 
 def start_on(panel):
     panel.get_by_role("button", name="New").click()
+    panel.get_by_label("Arm", exact=True).select_option("right")
     panel.get_by_label("Protocol", exact=True).select_option("elevator")
     panel.get_by_label("Record").uncheck()
+    panel.get_by_label("Ask for pain").uncheck()
+    for box in panel.locator(".checks input").all():
+        box.check()
     panel.get_by_role("button", name="Start").click()
 
 

@@ -207,6 +207,7 @@ def start_on(page):
     page.get_by_label("Arm", exact=True).select_option("right")
     page.get_by_label("Protocol", exact=True).select_option(PROTOCOL)
     page.get_by_label("Record").uncheck()
+    page.get_by_label("Ask for pain").uncheck()
     for box in page.locator(".checks input").all():
         box.check()
     page.get_by_role("button", name="Start").click()

@@ -13,6 +13,11 @@ export function isUnderWay(state) {
   return [STARTING, RUNNING, PAUSED].includes(state?.state);
 }
 
+// Whether it rests: a pause that ends by itself.
+export function isResting(state) {
+  return state?.state === PAUSED && state.rest != null;
+}
+
 // Whether an arm is being weighed; its phase: NONE the cradle is empty, WAIT for the strap, MOVING it hangs.
 export function isWeighed(state) {
   return state?.kind === "weigh" && !isUnderWay(state);

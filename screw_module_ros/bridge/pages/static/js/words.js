@@ -5,7 +5,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  SAFETY_STOPPED, STARTING, WAIT, isUnderWay, isWeighed,
+  SAFETY_STOPPED, STARTING, WAIT, isResting, isUnderWay, isWeighed,
 } from "./link.js";
 import { LANGUAGES, chosenLanguage } from "./patient/languages.js";
 
@@ -58,7 +58,7 @@ export function veil({
   if (isWeighed(state)) return ["wait", ...WEIGHED[state.phase] ?? SCREEN.handsOff];
   if (state?.state === STARTING) return ["start", SCREEN.waiting, SCREEN.begins];
   if (state?.state === PAUSED) {
-    if (state.rest != null) return ["pause", SCREEN.rest, SCREEN.goesOn(whole(state.rest))];
+    if (isResting(state)) return ["pause", SCREEN.rest, SCREEN.goesOn(whole(state.rest))];
     return ["pause", SCREEN.pause, state.reason === PATIENT_ASKED ? SCREEN.own : SCREEN.paused];
   }
   if (state?.state === FINISHED) {
@@ -248,9 +248,14 @@ const PHASES = {
   [REACHED]: "reached",
 };
 
-// Where the session is, in one sentence.
-export function sessionSentence(state, protocols) {
+function localTime(date) {
+  return date.toLocaleTimeString("en-GB", { hour: "2-digit", minute: "2-digit", timeZoneName: "short" });
+}
+
+// Where the session is, in one sentence; since: when that began, a Date, null if this page has not seen it.
+export function sessionSentence(state, protocols, since = null) {
   if (!state) return "The session node is silent.";
+  const at = since ? `, at ${localTime(since)}` : "";
   const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
   const kept = state.recorded ? "It is recorded." : "It is not recorded.";
   const count = `movement ${state.trial} of ${state.trials}`;
@@ -265,12 +270,12 @@ export function sessionSentence(state, protocols) {
       if (state.asks) return `${state.patient}: ${title}. Starting: the patient is asked on his screen; Resume goes on without.`;
       return `${state.patient}: ${title}. Starting: ${state.reason}.`;
     case PAUSED:
-      if (state.rest != null) return `${state.patient}: ${title}. ${count}: a rest, ${whole(state.rest)} s left; Resume ends it. ${kept}`;
-      return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
+      if (isResting(state)) return `${state.patient}: ${title}. ${count}: a rest, ${whole(state.rest)} s left; Resume ends it. ${kept}`;
+      return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}${at}. ${kept}`;
     case FINISHED:
       return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
     case ABORTED:
-      return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
+      return `${state.patient}: ${title}. Ended before its time: ${state.reason}${at}.`;
     default:
       return "Press New for a pseudonym, choose arm and protocol, tick the list, press Start.";
   }
@@ -306,7 +311,7 @@ export function badge(state, safety) {
 export function alarm(before, state, wasStopped, isStopped) {
   if (isStopped && !wasStopped) return "stopped";
   const isNew = state?.state === PAUSED && (before?.state !== PAUSED || before.reason !== state.reason);
-  return isNew && state.rest == null && state.reason !== "the therapist paused it" ? "paused" : "";
+  return isNew && !isResting(state) && state.reason !== "the therapist paused it" ? "paused" : "";
 }
 
 const HANGS = -8, CARRIES = 2, FLOOR = 0.03; // [N] of the arm on the handle, [N] that carry nothing, [m]

@@ -5,7 +5,7 @@ import { Awake, makeFullScreen } from "../awake.js";
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, STARTING, chosenRobot, configurationAtLast,
-  isUnderWay, isWeighed, named, ownToken,
+  isResting, isUnderWay, isWeighed, named, ownToken,
 } from "../link.js";
 import { Sound } from "../sound.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
@@ -193,7 +193,7 @@ function showWords(inSession, isHeard, isTold) {
 
 // Whether there is something that the patient can stop: a pause is all that his button asks for.
 function canStop() {
-  return isWeighed(world.state) || [STARTING, RUNNING].includes(world.state?.state);
+  return isWeighed(world.state) || isResting(world.state) || [STARTING, RUNNING].includes(world.state?.state);
 }
 
 async function pleaseStop() {

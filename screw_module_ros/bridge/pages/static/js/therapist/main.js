@@ -109,7 +109,10 @@ export class RobotPanel {
     this.support.show(state, controller, drive);
     this.limits.show(state);
     say(this.stops, stopSays(drive));
-    say(this.sentence, sessionSentence(state, this.protocols));
+    const [was] = this.was;
+    if (!was || !state) this.since = null;
+    else if (was.state !== state.state || was.reason !== state.reason) this.since = new Date();
+    say(this.sentence, sessionSentence(state, this.protocols, this.since));
     const [word, kind] = badge(state, safety);
     say(this.badge, word);
     this.word = word;

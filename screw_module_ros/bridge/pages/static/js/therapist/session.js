@@ -2,7 +2,7 @@
 // The form that starts a session, the buttons that pause, resume and end it, and pseudonyms.
 
 import { el, say } from "../draw.js";
-import { PAUSED, RUNNING, STARTING, isUnderWay } from "../link.js";
+import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
 import { CHECKS, PAGE, again, askedSentence, failure, sessionOf, toTick } from "../words.js";
 
 const ASK = 32; // of StartTherapy.checks
@@ -170,7 +170,7 @@ export class SessionCard {
     say(this.asked, asked);
     this.asked.classList.toggle("bad", isAsked);
     this.rest.disabled = now !== RUNNING;
-    this.pause.disabled = now !== RUNNING && now !== STARTING;
+    this.pause.disabled = now !== RUNNING && now !== STARTING && !isResting(state);
     const waits = now === STARTING && (state.asks || isAsked);
     this.resume.disabled = !(now === PAUSED || waits) || isStopped;
     this.end.disabled = !isOn;
