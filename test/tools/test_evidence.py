@@ -105,6 +105,15 @@ def test_without_one_of_them_it_is_open_and_named(made, capsys, case, change):
     assert "OPEN It pulls too hard: " in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("change", ["<skipped/>", "<failure/>"])
+def test_what_was_skipped_may_be_borne_and_stays_open(made, capsys, change):
+    case = ("test.control.test_limits", "test_limit[a::b]")
+    code, found = made({**CASES, case: change}, "today", "--quiet", "--allow-skipped")
+    assert code == (3 if "failure" in change else 0)
+    assert found["hazards"][0]["open"]
+    assert capsys.readouterr().out.startswith("OPEN It pulls too hard: ")
+
+
 def test_a_row_that_did_not_run_is_not_made_up_for_by_another_one(made):
     cases = {key: came for key, came in CASES.items() if "cable-late" not in key[1]}
     cases["test.faults.test_rows", "test_row[cable-out-composed]"] = ""
