@@ -66,7 +66,10 @@ setup(
     },
     entry_points={
         "console_scripts": EXECUTABLES,
-        f"{NAME}.session": [f"therapy = {NAME}.therapy.cli:add_commands"],
+        f"{NAME}.session": [
+            f"therapy = {NAME}.therapy.cli:add_commands",
+            f"bridge = {NAME}.bridge.tokens:add_commands",
+        ],
         "can.interface": [f"rig = {NAME}.rig.rig_bus:RigBus"],
     },
 )

@@ -322,7 +322,7 @@ def measure(cut: str, rate: int, seconds: float, page: bool = False) -> Figures:
         enabled = _enable(robot)
         reader = None
         if page:
-            token = tokens_in(token_file(graph)).patient
+            token = tokens_in(token_file(graph))["patient"]
             reader = stack.enter_context(PageReader(f"http://127.0.0.1:{port}", token))
             robot.wait_until(lambda: reader.received, _HEARD_S, "the page reads nothing")
         robot.pause(_SETTLE_S)

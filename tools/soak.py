@@ -203,7 +203,7 @@ def soak(
 def open_pages(graph: GraphRun, port: int, stack: ExitStack) -> None:
     """Read what the patient's and the therapist's page read, until `stack` closes."""
     tokens = tokens_in(therapy.token_file(graph))
-    for role, token in tokens._asdict().items():
+    for role, token in tokens.items():
         topics_of = ROLES[role][SUBSCRIBE]
         stack.enter_context(PageReader(f"http://127.0.0.1:{port}", token, topics_of))
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 from urllib.parse import urlsplit
-
-from .tokens import Tokens
 
 _PORTS = {"http": 80, "https": 443}
 _EVERYWHERE = ("0.0.0.0", "::", "")
@@ -29,14 +27,14 @@ class Door(NamedTuple):
 
     names: allowed names of the bridge, without port. port: that it listens on. scheme: http or
     https. origins: of other pages that may connect, like `https://games.example`, or `null` for
-    pages opened from a file. tokens: one per role.
+    pages opened from a file. tokens: returns those of now, by whom they belong to; raises OSError.
     """
 
     names: tuple[str, ...]
     port: int
     scheme: str
     origins: tuple[str, ...]
-    tokens: Tokens
+    tokens: Callable[[], Mapping[str, str]]
 
     def check_host(self, host: str | None) -> None:
         """Raise Refused unless the request uses one of the bridge's names."""
@@ -54,12 +52,12 @@ class Door(NamedTuple):
             "pages from there may not connect: add their origin to the bridge's parameter origins"
         )
 
-    def role_of(self, token: str | None) -> str:
-        """Return the role of a token. Raises Refused for a missing or wrong one."""
+    def whose(self, token: str | None) -> str:
+        """Return whose token it is. Raises Refused for a missing or wrong one, OSError."""
         given = (token or "").encode(errors="backslashreplace")  # a header may hold any bytes
-        for role, right in self.tokens._asdict().items():
+        for who, right in self.tokens().items():
             if secrets.compare_digest(given, right.encode()):
-                return role
+                return who
         what = "wrong token" if token else "no token"
         raise Refused(f"{what}: open the address that the bridge printed, which carries one")
 

@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,13 +22,15 @@ from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
 from .listener import Listener
 from .pages import FOLDER, PAGES, SECURITY_HEADERS
+from .record_desk import RecordDesk
 from .rights import THERAPIST, Rights
 from .settings import Limits, Listening
-from .tokens import Tokens
+from .tokens import TokenError, role_of
 
 _HEARTBEAT_S = 10.0  # heartbeat of the websocket: finds a client whose machine has gone
 _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
 _END_S = 0.5
+_WATCH_NS = 1_000_000_000  # how soon a token that was taken away ends
 _FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
 
 _SILENT = logging.getLogger(f"{__name__}.aiohttp")  # its errors quote the request
@@ -37,8 +39,9 @@ _SILENT.disabled = True
 
 @dataclass(eq=False)
 class Connection:
-    """A websocket with its client; wake: set when there may be something to send."""
+    """A websocket with its client and token; wake: set when there may be something to send."""
 
+    token: str
     socket: web.WebSocketResponse
     transport: asyncio.Transport
     client: Client
@@ -48,18 +51,20 @@ class Connection:
 class Server:
     """Serves from `start` to `close`, in the asyncio loop that runs both, while `turn` is called.
 
+    tokens: returns those of now, by whom they belong to; raises TokenError. record: closed with it.
     log: takes a sentence. config: content of /config.json. cut_off: number of disconnected clients.
     refused: number of refused requests.
     """
 
     def __init__(
-        self, listening: Listening, limits: Limits, tokens: Tokens, rights: Rights,
-        gateway: Gateway, clock: Clock, config: dict,
+        self, listening: Listening, limits: Limits, tokens: Callable[[], Mapping[str, str]],
+        rights: Rights, gateway: Gateway, record: RecordDesk, clock: Clock, config: dict,
         log: Callable[[str], None] = lambda sentence: None,
     ):  # fmt: skip
         self.limits = limits
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
+        self._record, self._watch_ns = record, 0
         self._connections: set[Connection] = set()
         self._listener: Listener  # both from `start` on
         self._door: Door
@@ -73,6 +78,8 @@ class Server:
         app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
         app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
         app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
+        for path in ("/record/{what}", "/record/{patient}/{what}"):
+            app.router.add_route("*", path, self._recorded)
         app.router.add_static("/static/", FOLDER, follow_symlinks=False)
         app.on_response_prepare.append(_add_headers)
         self._runner = web.AppRunner(
@@ -92,9 +99,24 @@ class Server:
         self._gateway.poll()
         for connection in self._connections:
             connection.wake.set()
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._watch_ns:
+            self._watch_ns = now_ns + _WATCH_NS
+            self._record.look(now_ns)
+            self._end_revoked()
+
+    def _end_revoked(self) -> None:
+        """Disconnect pages whose token was taken away; who is in stays while none can be read."""
+        with contextlib.suppress(TokenError):
+            tokens = self._tokens().values()
+            for connection in self._connections:
+                if connection.token not in tokens:
+                    self._count_cut_off(connection, "its token was taken away")
+                    connection.transport.abort()
 
     async def close(self) -> None:
-        """Close every connection."""
+        """Close every connection, and the record."""
+        self._record.close()
         for connection in list(self._connections):
             with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
                 await asyncio.wait_for(
@@ -142,6 +164,9 @@ class Server:
         except Refused as error:
             self.refused += 1
             raise web.HTTPForbidden(text=f"{error}\n") from None
+        except TokenError as error:
+            self._log(str(error))
+            raise web.HTTPServiceUnavailable(text="no token can be read: see the log\n") from None
         except web.HTTPException:
             raise
         except Exception as error:
@@ -150,12 +175,20 @@ class Server:
 
     async def _configured(self, request: web.Request) -> web.Response:
         """Return a page's role, robots, protocols and measures; it needs a token as `/ws` does."""
-        role = self._door.role_of(token_in(request.query, request.headers))
+        role = role_of(self._door.whose(token_in(request.query, request.headers)))
         config = {**self._config, "role": role, "wishes": self._rights.wishes or role == THERAPIST}
         return web.Response(text=json.dumps(config), content_type="application/json")
 
+    async def _recorded(self, request: web.Request) -> web.Response:
+        """Answer from the patients' record; it needs a therapist's token, in the header alone."""
+        who = self._door.whose(token_in({}, request.headers))
+        if role_of(who) != THERAPIST:
+            raise Refused("the patient's page may not read the record")
+        return await self._record.answer(request, who)
+
     async def _websocket(self, request: web.Request) -> web.StreamResponse:
-        role = self._door.role_of(token_in(request.query, request.headers))
+        token = token_in(request.query, request.headers) or ""
+        role = role_of(self._door.whose(token))
         if len(self._connections) >= self._room_for(role):
             raise web.HTTPServiceUnavailable(
                 text=f"{self._room_for(role)} clients are connected, the most there may be for a "
@@ -169,7 +202,7 @@ class Server:
             raise ConnectionResetError("the client has gone")
         wake, now_ns = asyncio.Event(), self._clock.now_ns()
         client = Client(role, self._rights, self._gateway, self.limits, now_ns, wake.set)
-        connection = Connection(ws, transport, client, wake)
+        connection = Connection(token, ws, transport, client, wake)
         self._connections.add(connection)
         try:
             await ws.prepare(request)

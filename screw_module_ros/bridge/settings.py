@@ -30,7 +30,7 @@ class Listening(NamedTuple):
     ] = ""
     key: Annotated[str, Setting("file with its private key (PEM)", at_start=True)] = ""
     token_file: Annotated[
-        str, Setting("file with both tokens, created if missing; empty = beside the nodes' state",
+        str, Setting("file of the tokens, created if missing; empty = beside the nodes' state",
                      at_start=True),
     ] = ""  # fmt: skip
 

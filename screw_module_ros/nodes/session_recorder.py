@@ -206,7 +206,7 @@ class SessionRecorder(Node):
 
     def _on_start(self, name: str) -> str:
         if self._taps is not None and self._taps.recording.status().records:
-            return f"already recording to {self._folder}: stop that first"
+            return "already recording: stop that first"  # the one who asks may log it
         self._stop()
         self._refusal = self._start(name)
         return self._refusal or Done(str(self._folder))
@@ -215,8 +215,8 @@ class SessionRecorder(Node):
         status = self._stop()
         if status is None:
             return "not recording"
-        text = f"{self._folder}: {status.summary()}"
-        return text if status.error else Done(text)
+        text = status.summary()
+        return text if status.error else Done(f"{self._folder}: {text}")
 
     def _count(self, request: CountSessions.Request) -> str:
         """Count the bags that `therapy_session` has named after a patient."""

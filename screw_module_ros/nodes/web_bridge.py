@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import ssl
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -17,12 +18,12 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from screw_module_ros.bridge.door import is_loopback
+from screw_module_ros.bridge.record_desk import RecordDesk
 from screw_module_ros.bridge.rights import Rights
 from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import tokens_in
+from screw_module_ros.bridge.tokens import token_file, tokens_in
 from screw_module_ros.clock import WallClock
-from screw_module_ros.files import state_folder
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.measures import MEASURES
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
@@ -45,6 +46,10 @@ class BridgeSettings(NamedTuple):
         str, Setting("folder of your own protocols, as in therapy_session; ~ is the home folder",
                      at_start=True),
     ] = "~/protocols"  # fmt: skip
+    recordings: Annotated[
+        str, Setting("folder of all bags, as `folder` of session_recorder: the record of patients",
+                     at_start=True),
+    ] = "~/sessions"  # fmt: skip
     wishes: Annotated[
         bool, Setting("the patient's token may also publish therapy/wish", live=True)
     ] = False
@@ -63,7 +68,8 @@ class WebBridgeNode(Node):
         """Check address, certificate and tokens; make the topics."""
         self._listens_at, settings = self._listening(), self.parameters.read(BridgeSettings)
         self._rights = Rights(self._robots(settings.robots), settings.wishes)
-        self._tokens = tokens_in(self._token_file())
+        tokens_in(self._token_file())
+        self._folder = root_folder(settings.recordings)
         self._limits = self.parameters.read(Limits, "limits")
         self._gateway = BridgeGateway(self, self._rights, self._limits.answer)
         self.opened.callback(self._gateway.close)
@@ -76,8 +82,9 @@ class WebBridgeNode(Node):
     def begin(self) -> None:
         """Listen."""
         self._server = Server(
-            self._listens_at, self._limits, self._tokens, self._rights, self._gateway, WallClock(),
-            self._config, self.get_logger().warning,
+            self._listens_at, self._limits, partial(tokens_in, self._token_file(), makes=False),
+            self._rights, self._gateway, RecordDesk(self._folder, self.get_logger().warning),
+            WallClock(), self._config, self.get_logger().warning,
         )  # fmt: skip
         try:
             self._loop.run_until_complete(self._server.start())
@@ -130,7 +137,7 @@ class WebBridgeNode(Node):
     def _token_file(self) -> Path:
         if self._listens_at.token_file:
             return Path(self._listens_at.token_file).expanduser()
-        return state_folder() / "web_bridge" / "tokens.json"
+        return token_file()
 
     def changed(self, kind: type) -> None:
         """Apply live parameters."""

@@ -47,19 +47,19 @@ class _Weights(NamedTuple):
 
 def arms_of(file: Path, patient: str) -> Arms:
     """Return what is known of a patient's arms. Raises WeightsError."""
-    return _read(file).get(patient, Arms())
+    return weights_in(file).get(patient, Arms())
 
 
 def keep(file: Path, patient: str, side: str, weight: ArmWeight) -> None:
     """Keep a weight in place of an earlier one. Raises WeightsError; then the file is as it was."""
-    patients = _read(file)
+    patients = weights_in(file)
     patients[patient] = patients.get(patient, Arms())._replace(**{side: weight})
     _write(file, patients)
 
 
 def forget(file: Path, patient: str) -> None:
     """Leave out a patient. Raises WeightsError; then the file is as it was."""
-    patients = _read(file)
+    patients = weights_in(file)
     if patients.pop(patient, None) is not None:
         _write(file, patients)
 
@@ -76,7 +76,8 @@ def _write(file: Path, patients: dict[str, Arms]) -> None:
         raise WeightsError(f"{file}: the arms' weights are not kept: {error.strerror}") from None
 
 
-def _read(file: Path) -> dict[str, Arms]:
+def weights_in(file: Path) -> dict[str, Arms]:
+    """Return the arms of each patient. Raises WeightsError."""
     try:
         return read_file(file, _Weights).patients if file.exists() else {}
     except (OSError, SettingError) as error:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import sqlite3
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -23,7 +22,7 @@ from .events import events_of
 from .export import csv_text, masked, write_tables
 from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
 from .progress import as_text, progress_of
-from .record import ACCESS, Record, alone, local, sources, sum_of
+from .record import ACCESS, Record, alone, local, opened, sources, sum_of
 from .recorded import Recorded, read_sessions
 from .replay import replayed
 from .scores import SCALES, Score, keep_scores
@@ -104,7 +103,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _index(options: argparse.Namespace) -> int:
-    with _opened(options.folder) as record:
+    with opened(options.folder) as record:
         record.update(thorough=True)
         _tell([*record.notes, *record.copies()])
         record.note("index")
@@ -124,7 +123,7 @@ def _due(options: argparse.Namespace) -> int:
 
 
 def _access(options: argparse.Namespace) -> int:
-    with _opened(options.folder) as record:
+    with opened(options.folder) as record:
         for row in record.base.execute("SELECT * FROM kept.access ORDER BY at"):
             at = datetime.fromtimestamp(row["at"]).astimezone().isoformat()
             print(at, row["who"], row["what"], row["pseudonym"], row["place"])
@@ -132,19 +131,11 @@ def _access(options: argparse.Namespace) -> int:
 
 
 def _progress(options: argparse.Namespace) -> int:
-    with _of_folder(options, str(options.out.resolve()) if options.out else "") as record:
+    with _of_folder(options) as record:
         try:
-            found = progress_of(record, options.patient)
+            print(as_text(progress_of(record, options.patient)))
         except ValueError as error:
             raise BagError(str(error)) from None
-    if options.out is None:
-        print(as_text(found))
-        return 0
-    from .progress_page import write_progress  # matplotlib takes a second
-
-    with _writing(options.out):
-        folder = patient_folder(options.out, options.patient)
-        print(write_progress(folder / "progress.html", found))
     return 0
 
 
@@ -164,7 +155,7 @@ def _events(options: argparse.Namespace) -> int:
 
 def _score(options: argparse.Namespace) -> int:
     at = options.at or datetime.now().astimezone().isoformat(timespec="seconds")
-    with _opened(options.folder) as record, alone(options.folder):
+    with opened(options.folder) as record, alone(options.folder):
         try:
             score = Score(at, options.scale, options.value)
             keep_scores(options.folder, options.patient, [score])
@@ -199,7 +190,7 @@ def _backup(options: argparse.Namespace) -> int:
 
 
 def _restore(options: argparse.Namespace) -> int:
-    with _opened(options.folder) as record:
+    with opened(options.folder) as record:
         came = restore(record, options.folder, options.file)
         record.note("restore")
         record.update()
@@ -211,21 +202,11 @@ def _restore(options: argparse.Namespace) -> int:
 @contextmanager
 def _of_folder(options: argparse.Namespace, place: str = "") -> Iterator[Record]:
     """Open the record of a folder, take what is new, and note who asks for what."""
-    with _opened(options.folder) as record:
+    with opened(options.folder) as record:
         record.update()
         _tell(record.notes)
         record.note(options.command, getattr(options, "patient", ""), place)
         yield record
-
-
-@contextmanager
-def _opened(folder: Path) -> Iterator[Record]:
-    """Open the record of a folder. Raises BagError where that fails."""
-    try:
-        with closing(Record(folder)) as record:
-            yield record
-    except (OSError, sqlite3.Error) as error:
-        raise BagError(f"the record of {folder} cannot be used: {error}") from None
 
 
 @contextmanager
@@ -243,7 +224,7 @@ def _of_bags(options: argparse.Namespace) -> Iterator[Record]:
         _tell([*record.notes, *record.copies()])
         for above in {bag.resolve().parent for bag in options.bags}:
             if (above / ACCESS).exists():
-                with _opened(above) as kept:
+                with opened(above) as kept:
                     for patient in {row["pseudonym"] for row in record.sessions()}:
                         kept.note(options.command, patient, out)
         yield record
@@ -283,8 +264,7 @@ _COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
                "bags --out --patient --decimal-comma --bom --shift-dates --rename --bids"),
     "index": (_index, "bring the record up to date with the bags and scores of its folder",
               "folder"),
-    "progress": (_progress, "a patient's sessions side by side, as text or as a page",
-                 "patient --page --folder"),
+    "progress": (_progress, "a patient's sessions side by side, as text", "patient --folder"),
     "events": (_events, "pauses, stops, spasms, hands off and pain, by minute and bag, as CSV",
                "--patient --folder"),
     "score": (_score, f"keep a score of a patient: {', '.join(SCALES)}",
@@ -307,8 +287,6 @@ _ARGUMENTS: dict[str, dict[str, Any]] = {
              "help": "folder of a bag, or the one that holds all bags of a record"},
     "--out": {"type": Path, "required": True, "metavar": "FOLDER",
               "help": "output folder; a folder per patient is made in it"},
-    "--page": {"type": Path, "metavar": "FOLDER", "dest": "out",
-               "help": "write a page below this folder, in a folder of the patient"},
     "--patient": {"type": _pseudonym, "default": "", "help": "the one patient who is wanted"},
     "--decimal-comma": {**_FLAG, "help": "decimal commas, and semicolons between columns"},
     "--bom": {**_FLAG, "help": "a byte order mark in front, by which spreadsheets know UTF-8"},

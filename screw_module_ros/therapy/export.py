@@ -61,9 +61,19 @@ def masked(pseudonyms: Iterable[str], shifts: bool, renames: bool) -> dict[str, 
 def write_tables(
     record: Record, pseudonym: str, mask: Mask, out: Path, text: Callable[..., str]
 ) -> Path:
-    """Write trials.csv, sessions.csv, scores.csv and columns.csv of a patient; return their folder.
+    """Write the tables of a patient; return their folder. Raises OSError."""
+    folder = patient_folder(out, mask.patient)
+    for name, content in tables(record, pseudonym, mask, text).items():
+        replace(folder / name, content, private=True)
+    return folder
 
-    text: of columns and rows, as `csv_text`. Raises OSError.
+
+def tables(
+    record: Record, pseudonym: str, mask: Mask, text: Callable[..., str]
+) -> dict[str, str]:
+    """Return trials.csv, sessions.csv, scores.csv and columns.csv of a patient.
+
+    text: of columns and rows, as `csv_text`.
     """
     trials, sessions = list[dict](), list[dict]()
     for number, session in enumerate(record.sessions(pseudonym), 1):
@@ -78,16 +88,16 @@ def write_tables(
         {**dict(row), "patient": mask.patient, "at": mask.date(datetime.fromisoformat(row["at"]))}
         for row in record.scores(pseudonym)
     ]
-    meaning = [(m.name, m.label, m.factor, m.unit, m.text) for m in MEASURES]
-    folder = patient_folder(out, mask.patient)
-    for name, columns, rows in (
-        ("trials.csv", (*LEADING, *COLUMNS, "session"), trials),
-        ("sessions.csv", SESSION, sessions),
-        ("scores.csv", SCORE, scores),
-        ("columns.csv", _MEANING, [dict(zip(_MEANING, row, strict=True)) for row in meaning]),
-    ):  # fmt: skip
-        replace(folder / name, text(columns, rows), private=True)
-    return folder
+    meaning = [
+        dict(zip(_MEANING, (m.name, m.label, m.factor, m.unit, m.text), strict=True))
+        for m in MEASURES
+    ]
+    return {
+        "trials.csv": text((*LEADING, *COLUMNS, "session"), trials),
+        "sessions.csv": text(SESSION, sessions),
+        "scores.csv": text(SCORE, scores),
+        "columns.csv": text(_MEANING, meaning),
+    }
 
 
 def csv_text(

@@ -21,7 +21,7 @@ from .scores import ENDING, keep_scores, scores_in
 BEYOND_REACH = (
     "backups, and copies of bags, reports and exports anywhere else; what was printed",
     "exports with another pseudonym, and those of more than a year ago or of no record",
-    "the list of patients on paper; what browsers and old log files hold",
+    "the list of patients on paper; what browsers hold and have saved",
     "blocks of the disk that were freed and not yet written again",
 )
 """What `forget` cannot delete."""
@@ -32,17 +32,27 @@ def weights_file() -> Path:
     return state_folder() / "therapy_session" / "arm_weights.json"
 
 
+def logs_with(text: str) -> list[Path]:
+    """Return the log files of ROS in which a text stands."""
+    folder = os.environ.get("ROS_LOG_DIR") or Path(os.environ.get("ROS_HOME", "~/.ros"), "log")
+    found = sorted(Path(folder).expanduser().rglob("*.log"))
+    return [path for path in found if text.encode() in path.read_bytes()]
+
+
 def of_patient(record: Record, folder: Path, pseudonym: str) -> tuple[list[Path], list[Path]]:
-    """Return what is of a patient alone, bags, scores, reports and exports; and shared bags."""
+    """Return what is of a patient alone, bags, scores, reports and exports.
+
+    And what names him and holds others too: shared bags, logs.
+    """
     told = record.base.execute("SELECT DISTINCT source, pseudonym FROM session").fetchall()
     own = {source for source, of in told if of == pseudonym}
     others = {source for source, of in told if of != pseudonym}
     named = {path.name for path in folder.glob(f"{pseudonym}*")}
     places = record.base.execute("SELECT DISTINCT place FROM kept.access WHERE place != ''")
     made = [path for (place,) in places if (path := Path(place, pseudonym)).exists()]
-    return [*(folder / name for name in sorted((own | named) - others)), *made], [
-        folder / name for name in sorted((own | named) & others)
-    ]
+    shared = [folder / name for name in sorted((own | named) & others)]
+    of_him = [folder / name for name in sorted((own | named) - others)]
+    return [*of_him, *made], [*shared, *logs_with(pseudonym)]
 
 
 def forget(record: Record, folder: Path, pseudonym: str) -> None:

@@ -23,7 +23,7 @@ import sqlite3
 import time
 from collections import Counter
 from collections.abc import Container, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -78,8 +78,6 @@ CREATE TABLE score (
 CREATE VIEW ranked AS SELECT *, row_number() OVER of_session AS copy,
   first_value(source) OVER of_session AS kept FROM session WINDOW of_session AS (
   PARTITION BY pseudonym, protocol_sha256, begun, stamp_ns ORDER BY trials DESC, source, number);
-CREATE VIEW patient AS SELECT pseudonym, max(side) AS side, min(begun) AS since,
-  max(begun) AS seen, count(*) AS sessions FROM ranked WHERE copy = 1 GROUP BY pseudonym;
 PRAGMA user_version = {DEFINITIONS};
 COMMIT;
 """
@@ -104,12 +102,12 @@ class Record:
     """The record of a folder of bags, or one in memory of what is added to it.
 
     folder: None in memory; base: the database, for reading; notes: sentences about what `update`
-    and `add` left out.
+    and `add` left out; who: reads and writes it, by default the account.
     """
 
     def __init__(self, folder: Path | None = None):
         """Open it; both files are their owner's alone. Raises OSError, sqlite3.Error."""
-        self.folder, self.notes = folder, list[str]()
+        self.folder, self.notes, self.who = folder, list[str](), getpass.getuser()
         files = [str(folder / name) if folder else ":memory:" for name in (RECORD, ACCESS)]
         for file in files if folder else ():
             os.close(owner_only(file, os.O_CREAT | os.O_RDWR))
@@ -216,13 +214,18 @@ class Record:
             of,
         ).fetchall()
 
-    def trials(self, session: sqlite3.Row) -> list[Row]:
-        """Return the trials of a session, None where they have no value."""
+    def trials(self, session: sqlite3.Row, which: str = "ORDER BY trial") -> list[Row]:
+        """Return the trials of a session, None where they have no value; which: rest of the SQL."""
         found = self.base.execute(
-            "SELECT row FROM trial WHERE source = ? AND number = ? ORDER BY trial",
+            f"SELECT row FROM trial WHERE source = ? AND number = ? {which}",
             (session["source"], session["number"]),
         )
         return [dict(zip(_ROW, json.loads(text), strict=True)) for (text,) in found]
+
+    def last_assisted(self, session: sqlite3.Row) -> Row | None:
+        """Return the last trial of a session that had walls."""
+        assisted = f"json_extract(row, '$[{_ROW.index('assisted')}]')"
+        return next(iter(self.trials(session, f"AND {assisted} ORDER BY trial DESC LIMIT 1")), None)
 
     def path(self, session: sqlite3.Row) -> Path:
         """Return where the bag of a session lies."""
@@ -247,7 +250,7 @@ class Record:
         with self.writing():
             self.base.execute("DELETE FROM kept.access WHERE at < ?", (now - _KEPT_S,))
             self.base.execute("INSERT INTO kept.access VALUES (?, ?, ?, ?, ?)",
-                              (now, getpass.getuser(), what, pseudonym, place))  # fmt: skip
+                              (now, self.who, what, pseudonym, place))  # fmt: skip
 
     def is_forgotten(self, pseudonym: str) -> bool:
         """Return whether a patient was forgotten here."""
@@ -291,19 +294,36 @@ def sum_of(path: Path) -> str:
 
 
 @contextmanager
+def opened(folder: Path) -> Iterator[Record]:
+    """Open the record of a folder. Raises BagError where that fails."""
+    try:
+        with closing(Record(folder)) as record:
+            yield record
+    except (OSError, sqlite3.Error) as error:
+        raise BagError(f"the record of {folder} cannot be used: {error}") from None
+
+
+@contextmanager
 def alone(folder: Path) -> Iterator[None]:
     """Be the one that writes the record of a folder. Raises BagError if another one does."""
-    place = folder.stat()
-    try:
-        lock = Lock(f"record/{place.st_dev}/{place.st_ino}", "")
-    except AlreadyRunning:
-        raise BagError(
-            f"another program writes the record of {folder}: wait until it has finished"
-        ) from None
+    writes = "another program writes the record of {}: wait until it has finished"
+    lock = folder_lock(folder, "record", writes)
     try:
         yield
     finally:
         lock.release()
+
+
+def folder_lock(folder: Path, what: str, taken: str) -> Lock:
+    """Lock what is done in a folder. Raises BagError if another process does it, OSError.
+
+    taken: what is said then, with {} for the folder.
+    """
+    place = folder.stat()
+    try:
+        return Lock(f"{what}/{place.st_dev}/{place.st_ino}", taken.format(folder))
+    except AlreadyRunning as error:
+        raise BagError(str(error)) from None
 
 
 def _session_row(session: Recorded, source: str, number: int) -> dict[str, Any]:

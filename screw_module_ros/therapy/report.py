@@ -10,7 +10,6 @@ import base64
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
@@ -39,16 +38,25 @@ STATEMENT = (
 
 
 def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
-    """Write the report of one patient's sessions as HTML; return its path.
+    """Write the report of one patient's sessions; return its path. Raises ValueError, OSError."""
+    replace(file, report_text(sessions, replays), private=True)
+    return file
+
+
+def report_text(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> str:
+    """Return the report of one patient's sessions as HTML.
 
     replays: of the sessions, in the same order. Raises ValueError without a session or for sessions
-    of several patients, OSError if it cannot be written.
+    of several patients.
     """
     patient = patient_of(sessions)
     latest = sessions[-1]
     adapted = any(session.changes for session in sessions)
-    text = rendered(
-        "report.html.jinja",
+    pages = Environment(
+        loader=PackageLoader("screw_module_ros", "therapy"), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return pages.get_template("report.html.jinja").render(
         patient=patient,
         statement=STATEMENT,
         rate=rate_of(sessions),
@@ -67,17 +75,6 @@ def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Rep
         labelled=labelled,
         number=number_text,
     )
-    replace(file, text, private=True)
-    return file
-
-
-def rendered(template: str, **values: Any) -> str:
-    """Return a page with these values; template: its file beside this one."""
-    pages = Environment(
-        loader=PackageLoader("screw_module_ros", "therapy"), autoescape=True,
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    return pages.get_template(template).render(values)
 
 
 def patient_of(sessions: Sequence[Recorded]) -> str:

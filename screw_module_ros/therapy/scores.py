@@ -26,10 +26,12 @@ SCALES = {
     "pain_pause": 10.0, "tired_pause": 10.0, "went_on": 1.0,
     "discomfort": 10.0, "FM_UE": 66.0, "ARAT": 57.0, "MAS_elbow": 4.0, "MAS_shoulder": 4.0,
     "rests": 100.0, "spasms": 100.0, "chair_x": 200.0, "chair_height": 200.0, "handle_angle": 180.0,
+    "side": 1.0, "closed": 1.0,
 }  # fmt: skip
 """Largest value by scale, the smallest is 0. 0 to 10 as the patient says, 1 where the
-therapist went on after much pain or tiredness, Fugl-Meyer of the upper
-extremity, ARAT, modified Ashworth (1+ is 1.5), numbers in a session, chair [cm], handle [deg]."""
+therapist went on after much pain or tiredness, Fugl-Meyer of the upper extremity, ARAT, modified
+Ashworth (1+ is 1.5), numbers in a session, chair [cm], handle [deg], arm to be trained from now on
+(0 left, 1 right), therapy ended (1) or taken up again (0)."""
 
 
 class Score(NamedTuple):

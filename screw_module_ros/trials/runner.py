@@ -154,10 +154,10 @@ def _is_quiet(port: int) -> bool:
 
 
 def recordings_in(folder: Path) -> list[str]:
-    """Return the --ros-args that let the recorder write its bags into `folder`."""
+    """Return the --ros-args with which recorder and bridge have their bags in `folder`."""
     # As YAML. Not in ASCII: the parser of rcl refuses a letter that JSON escapes as two surrogates.
     text = json.dumps(str(folder.resolve()), ensure_ascii=False)
-    return ["-p", f"session_recorder:folder:={text}"]
+    return ["-p", f"session_recorder:folder:={text}", "-p", f"web_bridge:recordings:={text}"]
 
 
 class GraphRun:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import select
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
 from screw_module_msgs.msg import ForceCommand, SafetyState
 from screw_module_msgs.srv import SetArm
 
-from screw_module_ros.bridge.tokens import Tokens, tokens_in
+from screw_module_ros.bridge.tokens import tokens_in
 
 from ..graph import PATIENTS, WHOLE
 from ..operator.bring_up import bring_up
@@ -107,7 +107,7 @@ def token_file(graph: GraphRun) -> Path:
 
 
 def serve(
-    robot: Robot, takes: SetArm.Request, port: int, tokens: Tokens, console: Console
+    robot: Robot, takes: SetArm.Request, port: int, tokens: Mapping[str, str], console: Console
 ) -> None:
     """Bring the robot up and print the addresses, until Ctrl-C; Enter resets a stop, or lets go.
 
@@ -117,7 +117,7 @@ def serve(
     click.echo("Open in a browser; Ctrl-C here ends everything.")
     if sys.stdin.isatty():
         click.echo("Enter: the patient lets go of the handle, as for weighing, or takes hold.")
-    for role, token in tokens._asdict().items():
+    for role, token in tokens.items():
         click.echo(f"  {role:9}  http://127.0.0.1:{port}/{role}#token={token}")
     told = False
     while True:

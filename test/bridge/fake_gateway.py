@@ -7,22 +7,27 @@ import asyncio
 import json
 import threading
 from concurrent.futures import Future
+from pathlib import Path
 
+from screw_module_ros.bridge.record_desk import RecordDesk
 from screw_module_ros.bridge.rights import KEPT, Rights
 from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
-from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
 
-TOKENS = Tokens("p" * 32, "t" * 32)
+TOKENS = {"patient": "p" * 32, "therapist": "t" * 32, "therapist:T7": "7" * 32}
 CONFIG = {"robots": ["/"], "protocols": []}
 
 
-def make_server(gateway, limits=None, log=print, config=CONFIG, wishes=False, port=0, **listening):
-    """Return a server for a robot that is played."""
+def make_server(
+    gateway, limits=None, log=print, config=CONFIG, wishes=False, port=0, folder=Path("/none"),
+    tokens=lambda: TOKENS, **listening,
+):  # fmt: skip
+    """Return a server for a robot that is played; folder: of the record; tokens: those of now."""
     return Server(
-        Listening(port=port, **listening), limits or Limits(), TOKENS,
-        Rights(config["robots"], wishes), gateway, WallClock(), config, log,
+        Listening(port=port, **listening), limits or Limits(), tokens,
+        Rights(config["robots"], wishes), gateway, RecordDesk(folder, log), WallClock(), config,
+        log,
     )  # fmt: skip
 
 

@@ -9,13 +9,14 @@ import stat
 import pytest
 
 from screw_module_ros.bridge.door import Door, Refused, is_loopback, names_of, token_in
-from screw_module_ros.bridge.tokens import TokenError, Tokens, tokens_in
+from screw_module_ros.bridge.tokens import TokenError, role_of, tokens_in
+from screw_module_ros.session_command import main
 
-TOKENS = Tokens("p" * 32, "t" * 32)
+TOKENS = {"therapist:T7": "7" * 32, "therapist": "t" * 32, "patient": "p" * 32}
 
 
 def door(origins=(), scheme="http", port=8090, hosts=(), address="127.0.0.1"):
-    return Door(names_of(address, hosts), port, scheme, tuple(origins), TOKENS)
+    return Door(names_of(address, hosts), port, scheme, tuple(origins), lambda: TOKENS)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8090", "localhost:8090", "LOCALHOST:8090",
@@ -60,8 +61,10 @@ def test_own_pages_programs_and_named_pages_come_in(origin, named):
     assert door(named).check_origin(origin) is None
 
 
-def test_a_token_gives_its_role():
-    assert [door().role_of(token) for token in TOKENS] == ["patient", "therapist"]
+def test_a_token_tells_whose_it_is_and_so_the_role():
+    whose = [door().whose(token) for token in TOKENS.values()]
+    assert whose == ["therapist:T7", "therapist", "patient"]
+    assert [role_of(who) for who in whose] == ["therapist", "therapist", "patient"]
 
 
 @pytest.mark.parametrize("token", [
@@ -70,7 +73,7 @@ def test_a_token_gives_its_role():
 def test_a_missing_token_is_told_from_a_wrong_one(token):
     told = "wrong token" if token else "no token"
     with pytest.raises(Refused, match=f"^{told}: open the address that the bridge pr") as error:
-        door().role_of(token)
+        door().whose(token)
     assert not token or token not in str(error.value)
 
 
@@ -107,7 +110,8 @@ def test_tokens_are_made_once_for_the_owner_alone(file, tmp_path):
     modes = [stat.S_IMODE(each.stat().st_mode) for each in (file, file.parent)]
     assert modes == [0o600, 0o700]
     assert tokens_in(file) == tokens
-    assert len(set(tokens)) == 2 and [*map(len, tokens)] == [32, 32]  # 192 bits in base 64
+    assert {*tokens} == {"patient", "therapist"}
+    assert [len(each) for each in {*tokens.values()}] == [32, 32]  # 192 bits in base 64
     assert tokens_in(tmp_path / "other" / "tokens.json") != tokens
 
 
@@ -130,8 +134,10 @@ def test_no_tokens_are_made_where_others_reach_them(tmp_path):
     json.dumps({"patient": "a" * 32, "therapist": "a" * 32}).encode(),
     json.dumps({"patient": "a" * 32, "therapist": "b" * 32, "admin": "c" * 32}).encode(),
     json.dumps({"patient": 5, "therapist": "b" * 32}).encode(),
+    json.dumps({"patient": "a" * 32, "therapist:Erika": "b" * 32}).encode(),
+    json.dumps({"therapist": "b" * 32}).encode(),
 ])  # fmt: skip
-def test_a_file_without_two_tokens_is_refused(file, content):
+def test_a_file_without_tokens_is_refused(file, content):
     file.write_bytes(content)
     with pytest.raises(TokenError, match="remove it"):
         tokens_in(file)
@@ -141,3 +147,47 @@ def test_a_place_where_nothing_can_be_kept_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(TokenError, match="cannot be kept"):
         tokens_in(tmp_path / "file" / "tokens.json")
+
+
+def test_a_file_of_before_is_a_table(file):
+    """It had one line, and a patient's token and a therapist's without a code."""
+    before = {"patient": "a" * 32, "therapist": "b" * 32}
+    file.write_text(json.dumps(before))
+    assert tokens_in(file) == before
+
+
+def command(file, *words):
+    return main(["token", *words, "--file", str(file)])
+
+
+def test_a_therapist_gets_a_token_of_their_own_and_loses_it(file, capsys):
+    before = tokens_in(file)
+    assert command(file, "T7") == 0 and command(file, "T12") == 0
+    printed = [line.partition("=")[2] for line in capsys.readouterr().out.splitlines()]
+    assert tokens_in(file) == {**before, "therapist:T7": printed[0], "therapist:T12": printed[1]}
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert command(file, "T7") == 0
+    assert tokens_in(file)["therapist:T7"] != printed[0], "a lost one is replaced"
+    assert command(file, "T7", "--remove") == 0 and command(file, "T7", "--remove") == 1
+    assert tokens_in(file) == {**before, "therapist:T12": printed[1]}
+
+
+def test_any_line_but_the_patients_can_be_removed_by_hand(file):
+    command(file, "T7"), command(file, "T8")
+    whole = tokens_in(file)
+    lines = file.read_text().splitlines(keepends=True)
+    for number in range(1, len(lines) - 2):
+        file.write_text("".join(lines[:number] + lines[number + 1 :]))
+        assert len(tokens_in(file)) == len(whole) - 1
+
+
+@pytest.mark.parametrize("code", ["Erika", "T", "T1234", "t7", "T7:x", ""])
+def test_a_token_is_of_a_code_not_a_name(file, code):
+    with pytest.raises(SystemExit):
+        command(file, code)
+
+
+def test_who_only_reads_makes_no_file(tmp_path):
+    with pytest.raises(TokenError):
+        tokens_in(tmp_path / "tokens.json", makes=False)
+    assert not (tmp_path / "tokens.json").exists()

@@ -26,7 +26,7 @@ def server(gateway):
 
 
 def test_the_python_game_plays(server, gateway, wait_until):
-    address = f"{server.address.replace('http', 'ws')}/ws?token={TOKENS.patient}"
+    address = f"{server.address.replace('http', 'ws')}/ws?token={TOKENS['patient']}"
     game = subprocess.Popen(
         [sys.executable, str(EXAMPLES / "web_game.py"), address],
         stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},

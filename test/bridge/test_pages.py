@@ -157,7 +157,7 @@ def open_page(browser):
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         page.set_default_timeout(DEADLINE_MS)
         page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
-        page.goto(f"{serving.server.address}/{role}{query}#token={getattr(TOKENS, role)}")
+        page.goto(f"{serving.server.address}/{role}{query}#token={TOKENS[role]}")
         pages.append(page)
         return page
 
@@ -384,12 +384,12 @@ def test_when_it_paused_is_told_in_local_time_with_its_zone(serving, browser):
     given = serving()
     pages = [browser.new_page(timezone_id="Asia/Kolkata")]
     pages[0].clock.install(time="2026-03-03T08:35:00Z")
-    pages[0].goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    pages[0].goto(f"{given.server.address}/therapist#token={TOKENS['therapist']}")
     given.until_text(pages[0], "Running", **RUNS)
     pause = {"state": PAUSED, "reason": "the patient asked"}
     given.until_text(pages[0], "the patient asked, at 14:05 GMT+5:30.", **pause)
     pages.append(browser.new_page())
-    pages[1].goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    pages[1].goto(f"{given.server.address}/therapist#token={TOKENS['therapist']}")
     given.until_text(pages[1], "the patient asked. It is")
     for page in pages:
         page.close()
@@ -518,7 +518,7 @@ def test_a_screen_that_may_dim_says_so(serving, browser):
     given = serving()
     page = browser.new_page()
     page.add_init_script("delete Navigator.prototype.wakeLock")
-    page.goto(f"{given.server.address}/therapist#token={TOKENS.therapist}")
+    page.goto(f"{given.server.address}/therapist#token={TOKENS['therapist']}")
     given.until_text(page, "This screen may dim")
     page.close()
 

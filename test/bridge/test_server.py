@@ -25,7 +25,7 @@ from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.bridge.server import Connection
 from screw_module_ros.bridge.settings import Limits
 
-PATIENT, THERAPIST = TOKENS
+PATIENT, THERAPIST = TOKENS["patient"], TOKENS["therapist"]
 DEADLINE_S = 20.0
 CLOSED = (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
 

@@ -33,7 +33,7 @@ class AttendingPage:
         self.sent, self.floods, self.end = 0, False, ""
         self.asks: tuple[str, dict] | None = None
         self.answer: dict | str | None = None
-        self._url = f"{address}/ws?token={tokens_in(Path(token_file)).therapist}"
+        self._url = f"{address}/ws?token={tokens_in(Path(token_file))['therapist']}"
         self._closing = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._attend()), daemon=True)
         self._thread.start()

@@ -65,7 +65,8 @@ class Stage:
         folder = ["-p", f"folder:={self.folder}"]
         self.session = bringup.Process(SESSION, [*common, *folder])
         self._bridge_arguments = [
-            *common, *folder, "-p", f"token_file:={self._token_file}", "-p", "wishes:=true"
+            *common, *folder, "-p", f"token_file:={self._token_file}", "-p", "wishes:=true",
+            "-p", f"recordings:={self.folder}",
         ]  # fmt: skip
         self.bridge = bringup.Process(BRIDGE, [*self._bridge_arguments, "-p", "port:=0"])
         self._thread = threading.Thread(target=self._operate, daemon=True)

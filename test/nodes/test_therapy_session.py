@@ -12,6 +12,7 @@ import math
 import os
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 import yaml
@@ -221,6 +222,13 @@ def test_the_recording_ends_with_its_session(session):
     assert session["recorded"], "it was recorded until its end"
     (recorded,) = read_sessions(session["bag"])
     assert recorded.acts[-1].state == State.FINISHED
+
+
+def test_no_log_of_ros_names_the_patient(session):
+    """Recorded sessions, pauses, a recording that was ended: `session forget` reaches no log."""
+    logs = "".join(path.read_text() for path in Path(os.environ["ROS_LOG_DIR"]).rglob("*.log"))
+    assert "session running" in logs
+    assert PATIENT not in logs.replace(f"like {PATIENT}", ""), "an example of the form may stand"
 
 
 def test_a_recording_that_ends_pauses_its_session(session):

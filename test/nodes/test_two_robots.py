@@ -177,7 +177,7 @@ def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
     for operator in operators.values():
         operator.make_ready()
     errors: list[str] = []
-    page = opened(browser, f"{address}/therapist#token={tokens.therapist}", errors)
+    page = opened(browser, f"{address}/therapist#token={tokens['therapist']}", errors)
     left, right = page.locator("#robot-left"), page.locator("#robot-right")
     left.get_by_text("The torque is off: plane.").wait_for()  # these robots have no plane
 
@@ -195,7 +195,7 @@ def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
     left.get_by_role("button", name="Resume").click()
     left.get_by_text("Running, movement 1 of").wait_for()
 
-    screen = opened(browser, f"{address}/patient?robot=/right#token={tokens.patient}", errors)
+    screen = opened(browser, f"{address}/patient?robot=/right#token={tokens['patient']}", errors)
     screen.locator("body[data-shown=vertical]").wait_for()
 
     left.get_by_role("button", name="Software stop (not the emergency stop)").click()

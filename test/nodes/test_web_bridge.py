@@ -76,7 +76,7 @@ async def elsewhere(function, *given):
 
 
 def therapist(stage):
-    return Page(stage.address, stage.tokens.therapist)
+    return Page(stage.address, stage.tokens["therapist"])
 
 
 def start(page):
@@ -98,7 +98,7 @@ async def resume(page):
 @pytest.mark.usefixtures("nobody_plays")
 def test_the_hand_is_seen_and_a_wish_is_bounded(stage):
     async def play():
-        async with Page(stage.address, stage.tokens.patient) as page:
+        async with Page(stage.address, stage.tokens["patient"]) as page:
             await page.send(op="subscribe", topic="/endpoint_state", throttle_rate=50)
             seen = await page.until(lambda m: m["op"] == "publish" and all(m["msg"]["valid"]))
             await page.send(op="publish", topic="/setpoint", msg={"position": {"x": 0.1}})
@@ -198,7 +198,7 @@ def open_page(browser, stage, role, errors):
     page.set_default_timeout(DEADLINE_MS)
     page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
     page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
-    page.goto(f"{stage.address}/{role}#token={getattr(stage.tokens, role)}")
+    page.goto(f"{stage.address}/{role}#token={stage.tokens[role]}")
     return page
 
 
@@ -260,7 +260,7 @@ def test_a_page_with_the_wrong_token_says_so(stage, browser):
     page = browser.new_page()
     page.goto(f"{stage.address}/therapist#token=wrong")
     page.get_by_text("Not let in: wrong token").wait_for(timeout=DEADLINE_MS)
-    page.goto(f"{stage.address}/therapist#token={stage.tokens.patient}")
+    page.goto(f"{stage.address}/therapist#token={stage.tokens['patient']}")
     page.reload()
     said = page.get_by_text("This token is the patient's")
     said.wait_for(timeout=DEADLINE_MS)

@@ -77,7 +77,8 @@ def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
     """A name that stayed would be a patient's on somebody else's recording."""
     give(recorder, name="by_hand")
     folders = [Path(called(recorder, "record", StartRecording, name="P-7K3QX_clock"))]
-    assert "already recording" in called(recorder, "record", StartRecording, name="other")
+    refused = called(recorder, "record", StartRecording, name="other")
+    assert "already recording" in refused and "P-7K3QX" not in refused, "who asks may log it"
     called(recorder, "stop")
     folders.append(Path(called(recorder, "start")))
     called(recorder, "stop")

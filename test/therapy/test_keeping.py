@@ -37,7 +37,7 @@ def folder(tmp_path, monkeypatch):
         keep_scores(place, patient, [Score("2026-03-03T14:00:00+01:00", "FM_UE", 34.0)])
         keep(weights_file(), patient, "left", ArmWeight(18.4, 1.2, 1_796_000_000))
         out = str(tmp_path / "out")
-        assert main(["progress", patient, "--page", out, "--folder", str(place)]) == 0
+        assert main(["report", str(place), "--patient", patient, "--out", out]) == 0
     assert main(["export", "--out", str(tmp_path / "more"), str(place)]) == 0
     return place
 
@@ -84,7 +84,7 @@ def test_a_forgotten_patient_is_found_nowhere(folder, monkeypatch, capsys):
     assert found(folder.parent, HER) == []
     assert rows(folder) == [line for line in kept if HER not in line and "renamed" not in line]
     assert len(sessions(folder)) == 2 and arms_of(weights_file(), "P-22222").left is not None
-    assert (folder.parent / "out" / "P-22222" / "progress.html").exists()
+    assert (folder.parent / "out" / "P-22222" / "report.html").exists()
 
 
 def test_forgetting_asks_again(folder, monkeypatch, capsys):

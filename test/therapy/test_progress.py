@@ -26,7 +26,6 @@ from screw_module_ros.therapy.progress import (
     signs,
     theil_sen,
 )
-from screw_module_ros.therapy.progress_page import progress_figure
 from screw_module_ros.therapy.record import Record
 from screw_module_ros.therapy.session import State
 
@@ -173,9 +172,6 @@ def test_the_first_session_of_a_protocol_is_learning_too(folder):
         small_bag(folder, begin_s=MARCH + week * WEEK, reaches=reaches(duration))
     progress = found(folder)
     assert line(progress, "duration").change.startswith("-50% from session 3 to 4: beyond")
-    drawn = progress_figure(progress).axes[2]
-    faces = [each.get_markerfacecolor() for each in drawn.get_lines() if each.get_marker() == "o"]
-    assert faces[:2] == ["white"] * 2 and "white" not in faces[2:]
 
 
 def test_nothing_is_said_of_a_figure_that_is_zero(folder):
@@ -222,23 +218,6 @@ def test_a_bag_of_an_older_version_has_a_progress_too(folder, capsys):
     assert main(["progress", "P-7K3QX", "--folder", str(folder)]) == 0
     told = capsys.readouterr().out
     assert "4 movements" in told and "2026-11-24 12:05" in told
-
-
-def test_the_page_shows_it_on_one_figure(folder, capsys):
-    for week, duration in enumerate((3.0, 2.0, 1.0)):
-        small_bag(folder, begin_s=MARCH + week * WEEK, reaches=reaches(duration))
-    where = ["--folder", str(folder)]
-    assert main(["progress", "P-7K3QX", "--page", str(folder.parent / "out"), *where]) == 0
-    text = (folder.parent / "out" / "P-7K3QX" / "progress.html").read_text()
-    assert text.count("<svg") == 1 and "beyond the error of measurement" in text
-    assert "claims no benefit" in text and "&lt;svg" not in text
-    drawn = progress_figure(found(folder)).axes[2]
-    faces = [each.get_markerfacecolor() for each in drawn.get_lines() if each.get_marker() == "o"]
-    assert faces[0] == "white" and "white" not in faces[1:]
-    assert len(drawn.patches) == 1, "the error of measurement"
-    capsys.readouterr()
-    assert main(["progress", "P-7K3QX", *where]) == 0
-    assert max(map(len, capsys.readouterr().out.splitlines())) > 40
 
 
 def test_a_patient_without_a_session_is_said_so(folder, capsys):

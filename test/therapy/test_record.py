@@ -73,7 +73,7 @@ def test_a_session_has_what_its_bag_tells(folder):
         assert [row["sparc"] for row in rows] == [-1.5, -1.6] and rows[0]["started"]
         (score,) = record.scores("P-7K3QX")
         assert (score["scale"], score["value"]) == ("FM_UE", 34.0)
-        (other, _) = record.base.execute("SELECT side FROM patient ORDER BY pseudonym")
+        (other,) = record.sessions("P-22222")
         assert other["side"] == "right"
 
 

@@ -311,7 +311,7 @@ def serving():
 
 def test_it_reads_what_the_robot_tells(serving, wait_until):
     server, robot = serving
-    with PageReader(server.address, TOKENS.patient) as page:
+    with PageReader(server.address, TOKENS["patient"]) as page:
 
         def heard():
             robot.tell("/endpoint_state", {"x": page.received})
@@ -323,7 +323,7 @@ def test_it_reads_what_the_robot_tells(serving, wait_until):
 
 @pytest.mark.parametrize(
     ("token", "topics", "why"),
-    [("x" * 32, SUBSCRIBED, "403"), (TOKENS.patient, ("safety_state",), "may not subscribe")],
+    [("x" * 32, SUBSCRIBED, "403"), (TOKENS["patient"], ("safety_state",), "may not subscribe")],
 )
 def test_it_tells_why_it_reads_nothing(serving, wait_until, token, topics, why):
     server, _ = serving

@@ -6,7 +6,10 @@ from __future__ import annotations
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent / "static"
-PAGES = {"/": "index.html", "/patient": "patient.html", "/therapist": "therapist.html"}
+PAGES = {
+    "/": "index.html", "/patient": "patient.html", "/therapist": "therapist.html",
+    "/record": "record.html",
+}  # fmt: skip
 """Path on the server -> file in FOLDER."""
 
 SECURITY_HEADERS = {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every sentence and label of the therapist's page, and what is said when on the patient's screen, whose own
+// Every sentence and label of the therapist's pages, and what is said when on the patient's screen, whose own
 // sentences are in `patient/languages.js`. Labels and units of measures come
 // from the bridge (`config.measures`), titles of protocols too.
 
@@ -87,7 +87,7 @@ export function gameLine({ score, picked, basket, streak }) {
 // The therapist's page ----------------------------------------------------------------------
 
 export const PAGE = {
-  title: "Therapist's page", connecting: "Connecting …", connected: "Connected",
+  title: "Therapist's page", patients: "Patients", connecting: "Connecting …", connected: "Connected",
   unconnected: "No connection: a session that runs pauses by itself",
   lost: "The connection is lost. This page connects again by itself.",
   wrongRole: "This token is the patient's: open the therapist's address.",
@@ -359,4 +359,99 @@ export function safetySentence(safety, endpoint, state) {
   const off = [["plane", 0], ["vertical", 1]].filter(([, i]) => !endpoint.enabled[i]);
   if (off.length) return [`The torque is off: ${off.map(([name]) => name).join(" and ")}.`, true];
   return ["The robot is ready, the torque is on.", false];
+}
+
+// The record of the patients -----------------------------------------------------------------
+
+export const RECORD = {
+  title: "Patients", all: "All patients", back: "Back", wait: "One moment …",
+  columns: ["Pseudonym", "Arm", "Last seen", "Sessions", "Due", "Proposed for the next session"],
+  none: "No session has been recorded.", other: "Another pseudonym", open: "Open", withClosed: "also closed ones",
+  side: "Arm", close: "Mark as closed", reopen: "Mark as open", print: "Print", save: "Save",
+  exports: "Export", forget: "Forget", report: "Report",
+  sessions: "Sessions", sessionColumns: ["#", "Begun", "Protocol", "Arm", "Movements", "Course", "Support", ""],
+  scores: "Scores", scoreColumns: ["When", "Scale", "Value"], scale: "Scale", value: "Value", when: "When", now: "now", keep: "Keep",
+  noProgress: "There is no session with a date, so there is no progress to show.",
+  statement: "It describes recorded movements: no diagnosis, and no benefit of a therapy is claimed.",
+  exportSays: "Trials, sessions and scores as CSV files, with units and what each column means. The file that is saved is personal data: keep it safe.",
+  shift: "move all dates by one random number of days", rename: "give a new pseudonym, which nothing keeps", download: "Save the file",
+  deleted: "To be deleted for good:", rows: "rows of the record, scores, the weights of the arms",
+  unreached: "Not reached, so it stays unless you see to it:", again: "Write the pseudonym again",
+};
+
+export const SCALES = {
+  pain_before: "Pain before", pain_after: "Pain after", tired_before: "Tiredness before", tired_after: "Tiredness after",
+  pain_pause: "Pain at a pause", tired_pause: "Tiredness at a pause", went_on: "Went on after much of it",
+  discomfort: "Discomfort", FM_UE: "Fugl-Meyer, upper extremity", ARAT: "ARAT", MAS_elbow: "Ashworth, elbow", MAS_shoulder: "Ashworth, shoulder",
+  rests: "Rests", spasms: "Spasms", chair_x: "Chair, to the side [cm]", chair_height: "Chair, height [cm]", handle_angle: "Handle [°]",
+  side: "Arm to be trained", closed: "Therapy",
+};
+
+// Values that may be chosen; another scale up to 10 has whole numbers, a longer one is typed.
+const ASHWORTH = [0, 1, 1.5, 2, 3, 4];
+export const CHOICES = { MAS_elbow: ASHWORTH, MAS_shoulder: ASHWORTH };
+
+export function choiceWords(scale, value) {
+  if (scale === "side") return value ? "right" : "left";
+  if (scale === "closed") return value ? "closed" : "open";
+  if (scale === "went_on") return value ? "yes" : "no";
+  return CHOICES[scale] && value === 1.5 ? "1+" : String(value);
+}
+
+// A local time with its zone, of ISO 8601.
+export function moment(at) {
+  const [day, time = ""] = at.split("T");
+  return [day, time.slice(0, 5), time.match(/[+-].*$/)?.[0]].filter(Boolean).join(" ");
+}
+
+export function sideWords(side) {
+  return PAGE.sides[side] ?? side;
+}
+
+const DUE = { weigh: "weigh the arm", assess: "Fugl-Meyer or ARAT" };
+
+export function dueWords({ due }) {
+  return due.map((each) => DUE[each]).join(", ");
+}
+
+// What the last session ended with: support, time and side walls.
+export function proposal({ support, duration, stiffness }) {
+  const parts = [[support, "N support", 1], [duration, "s a movement", 2], [stiffness, "N/m side walls", 0]];
+  return parts.filter(([value]) => value !== null && value !== undefined)
+    .map(([value, unit, places]) => `${value.toFixed(places)} ${unit}`).join(", ");
+}
+
+export function countWords(about) {
+  if (!about) return "Nothing is known of this pseudonym.";
+  const { sessions, seen } = about;
+  const due = dueWords(about);
+  return [`${sessions} session${sessions === 1 ? "" : "s"}`, seen && `last seen ${moment(seen)}`, proposal(about) && `next ${proposal(about)}`,
+    due && `due: ${due}`].filter(Boolean).join("; ");
+}
+
+export function sessionCells({ begun, protocol, side, trials, outcome, stops, support, simulated }) {
+  const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${reason} (${count})` : reason));
+  return [moment(begun), simulated ? `${protocol} (simulated)` : protocol, sideWords(side), String(trials),
+    [outcome, ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
+}
+
+export function weekWords(weeks) {
+  return `${weeks.toFixed(weeks < 10 ? 1 : 0)} weeks`;
+}
+
+// What stands below a plot; what it says to who cannot see it.
+export function firstAndLatest({ points }) {
+  return points.length > 1 ? `${points[0].text} → ${points.at(-1).text}` : points[0].text;
+}
+
+export function plotted(line) {
+  return `${line.label}: ${firstAndLatest(line)}`;
+}
+
+export function forgetTitle(name) {
+  return `Forget ${name}`;
+}
+
+export function forgotten() {
+  return "The patient was forgotten. Copies elsewhere are yours to delete.";
 }

@@ -163,6 +163,7 @@ function frame(now) {
 
 async function main() {
   say($("title"), PAGE.title);
+  say($("patients"), PAGE.patients);
   say($("sounds"), PAGE.soundsOn);
   $("sounds").onclick = () => {
     sound.set(!sound.isOn);
