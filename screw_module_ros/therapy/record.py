@@ -334,7 +334,7 @@ def _session_row(session: Recorded, source: str, number: int) -> dict[str, Any]:
     carried = [row["support"] for row in session.trials if math.isfinite(row["support"])]
     stopped = (State.PAUSED, State.ABORTED)
     stops = Counter(act.reason for act in session.acts if act.state in stopped)
-    controller = _first(session, graph.CONTROLLER_STATE, "calibration", "law")
+    controller = first_told(session, graph.CONTROLLER_STATE, "calibration", "law")
     return {
         "source": source, "number": number, "pseudonym": session.patient, "side": session.side,
         "begun": begun and begun.timestamp(),
@@ -342,15 +342,17 @@ def _session_row(session: Recorded, source: str, number: int) -> dict[str, Any]:
         "protocol": session.protocol.name, "protocol_sha256": session.protocol_sha256,
         "simulated": session.is_simulated, "outcome": last.word if last else "",
         "stops": json.dumps(stops, sort_keys=True), "robot": controller[0],
-        "software": _first(session, graph.SAFETY_STATE, "software")[0],
-        "law": ", ".join(filter(None, (controller[1], *_first(session, graph.MANUS_STATE, "law")))),
+        "software": first_told(session, graph.SAFETY_STATE, "software")[0],
+        "law": ", ".join(filter(None, (
+            controller[1], *first_told(session, graph.MANUS_STATE, "law")
+        ))),
         "support": sum(carried) / len(carried) if carried else None,
         "arm_weight": session.arm_weight, "stamp_ns": session.stamp_ns,
         "trials": len(session.trials),
     }  # fmt: skip
 
 
-def _first(session: Recorded, topic: str, *names: str) -> list[str]:
+def first_told(session: Recorded, topic: str, *names: str) -> list[str]:
     """Return texts of the first message of a topic, empty where the bag has none."""
     try:
         found = next(read_bag(session.folder, [session.robot + topic], by_index=True), None)

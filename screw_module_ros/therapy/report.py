@@ -14,8 +14,10 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from .. import graph
 from ..files import replace
 from .measures import MEASURES
+from .record import first_told
 from .recorded import Recorded
 from .replay import Replay
 from .report_content import (
@@ -70,6 +72,8 @@ def report_text(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> str:
         changes=latest.changes,
         has_sides=has_sides([latest]),
         not_adapted=NOT_ADAPTED,
+        software=[(summary(s).date, *first_told(s, graph.SAFETY_STATE, "software"))
+                  for s in sessions],
         replays=[(summary(s).date, r) for s, r in zip(sessions, replays, strict=True)],
         measures=MEASURES,
         labelled=labelled,

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 from screw_module_msgs.msg import TrialResult
 from simulated_patient import HEALTHY, brief, recorded, short
+from small_bag import small_bag
 
 from screw_module_ros.therapy.measures import COLUMNS, COMPUTED, MEASURES
 from screw_module_ros.therapy.protocol import KINDS, REACH
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.recorded import Act
+from screw_module_ros.therapy.recorded import Act, read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.report import STATEMENT, write_report
 from screw_module_ros.therapy.report_content import (
@@ -168,3 +169,12 @@ def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
 
 def test_every_kind_of_trial_has_figures_in_the_report():
     assert OTHERS.keys() == set(KINDS) - {REACH}
+
+
+def test_the_software_that_moved_the_patient_is_named(tmp_path):
+    (session,) = read_sessions(small_bag(tmp_path, reaches=[{"pm4": 0.1}] * 2))
+    page = write_report(tmp_path / "a.html", [session], [replayed(session)]).read_text("utf-8")
+    assert "moved by the software 0.1.0 0123456789ab" in page
+    old = session._replace(folder=tmp_path / "nothing")
+    page = write_report(tmp_path / "b.html", [old], [replayed(session)]).read_text("utf-8")
+    assert "moved by the software of a version that did not tell" in page
