@@ -194,6 +194,21 @@ def test_the_therapists_page_leads_to_the_record_and_stays_open(opened):
     other.value.close()
 
 
+def test_what_was_last_time_is_proposed_to_who_types_a_pseudonym(opened):
+    page = opened(path="/therapist")
+    field = page.get_by_label("Pseudonym of the patient")
+    side = page.get_by_label("Arm", exact=True)
+    field.fill("P-22222")
+    page.get_by_text("As last time: right arm").wait_for()
+    assert side.input_value() == "right"
+    side.select_option("left")  # what was chosen stays
+    field.fill(HER)
+    page.get_by_text("11.0 N support").wait_for()
+    assert side.input_value() == "left"
+    field.fill("P-7777A")
+    page.get_by_text("11.0 N support").wait_for(state="hidden")
+
+
 def test_what_is_refused_is_said(opened, folder):
     page = opened()
     open_patient(page)

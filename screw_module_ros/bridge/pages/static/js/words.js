@@ -421,6 +421,12 @@ export function proposal({ support, duration, stiffness }) {
     .map(([value, unit, places]) => `${value.toFixed(places)} ${unit}`).join(", ");
 }
 
+// What is proposed for a patient who is known, as it was last time; "" where nothing was.
+export function asLastTime(about) {
+  const parts = [about.side && `${sideWords(about.side)} arm`, proposal(about)].filter(Boolean).join(", ");
+  return parts && `As last time: ${parts}.`;
+}
+
 export function countWords(about) {
   if (!about) return "Nothing is known of this pseudonym.";
   const { sessions, seen } = about;

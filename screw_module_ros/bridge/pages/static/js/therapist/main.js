@@ -4,6 +4,7 @@
 import { Awake } from "../awake.js";
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
+import { Desk } from "../record/desk.js";
 import { Sound } from "../sound.js";
 import {
   PAGE, alarm, badge, hangsSentence, failure, robotTitle, safetySentence, sessionSentence, stopFailed, stopSays, unready,
@@ -24,7 +25,7 @@ function column(...cards) {
 }
 
 export class RobotPanel {
-  constructor(robot, config, bridge) {
+  constructor(robot, config, bridge, recalled) {
     this.robot = robot;
     this.bridge = bridge;
     this.protocols = config.protocols;
@@ -35,7 +36,7 @@ export class RobotPanel {
     this.reasons = el("p", { className: "reasons", role: "status" });
     this.stop = el("button", { type: "button", className: "stop", onclick: () => this.softwareStop() },
       PAGE.stop, el("small", {}, PAGE.notEmergency), this.stops = el("small"));
-    this.session = new SessionCard(config.protocols, call);
+    this.session = new SessionCard(config.protocols, call, recalled);
     this.support = new SupportCard(call, () => this.session.whose());
     this.limits = new LimitsCard(call, (values) => { this.allowed = values; });
     this.views = new Views();
@@ -180,7 +181,9 @@ async function main() {
   }
   notice("");
   const bridge = new Bridge(token, connected);
-  panels = config.robots.map((robot) => new RobotPanel(robot, config, bridge));
+  const desk = new Desk(token);
+  const recalled = async (patient) => (await desk.json(`${patient}/patient`)).about;
+  panels = config.robots.map((robot) => new RobotPanel(robot, config, bridge, recalled));
   $("robots").classList.toggle("several", panels.length > 1);
   $("robots").append(...panels.map((panel) => panel.element));
   bridge.connect();

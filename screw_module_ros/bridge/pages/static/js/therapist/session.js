@@ -3,7 +3,7 @@
 
 import { el, say } from "../draw.js";
 import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
-import { CHECKS, PAGE, again, askedSentence, failure, sessionOf, toTick } from "../words.js";
+import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, sessionOf, toTick } from "../words.js";
 
 const ASK = 32; // of StartTherapy.checks
 
@@ -32,9 +32,10 @@ export function cleaned(text) {
 }
 
 export class SessionCard {
-  // call(service, args): a service of this robot.
-  constructor(protocols, call) {
+  // call(service, args): a service of this robot; recalled(patient): a promise of what the record knows of one.
+  constructor(protocols, call, recalled = async () => null) {
     this.call = call;
+    this.recalled = recalled;
     this.protocols = protocols;
     this.patient = el("input", {
       className: "pseudonym", pattern: PATTERN, value: "P-", maxLength: 7, required: true,
@@ -75,6 +76,7 @@ export class SessionCard {
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, PAGE.record),
         el("label", { className: "check" }, this.asks, PAGE.ask), this.start, this.counted), this.missing,
+      this.proposed = el("p", { className: "proposed", role: "status" }),
       this.asked = el("p", { className: "asked", role: "status" }),
       this.acts = el("div", { className: "row" }, this.pause, this.resume, this.rest, this.end, this.save));
     form.noValidate = true;
@@ -102,7 +104,9 @@ export class SessionCard {
   async count() {
     const patient = this.patient.value;
     say(this.counted, "");
+    say(this.proposed, "");
     if (!WHOLE.test(patient)) return;
+    this.recall(patient);
     let words = PAGE.uncounted;
     try {
       const { success, sessions } = await this.call("session_recorder/count", { patient });
@@ -110,7 +114,16 @@ export class SessionCard {
     } catch {
       // The recorder does not run: Start says so where it matters.
     }
-    if (patient === this.patient.value && !this.isOn) say(this.counted, words);
+    if (patient !== this.patient.value || this.isOn) return;
+    say(this.counted, words);
+  }
+
+  // Proposes what was last time: the arm, if none is chosen, and in words support, time and walls.
+  async recall(patient) {
+    const about = await this.recalled(patient).catch(() => null); // without a record nothing is proposed
+    if (!about || patient !== this.patient.value || this.isOn) return;
+    if (!this.side.value) this.side.value = about.side;
+    say(this.proposed, asLastTime(about));
   }
 
   submit(event) {
@@ -182,6 +195,7 @@ export class SessionCard {
     this.patient.value = this.last = patient;
     this.side.value = side ?? "";
     say(this.counted, "");
+    say(this.proposed, "");
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
     const known = this.protocols.find((each) => each.protocol === protocol);
