@@ -7,26 +7,24 @@ import re
 import warnings
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
-gymnasium = pytest.importorskip("gymnasium")  # an extra
-
-from gymnasium.utils.env_checker import check_env  # noqa: E402
-
-from screw_module_ros.gym.course import Carried, Course  # noqa: E402
-from screw_module_ros.gym.environment import (  # noqa: E402
+from screw_module_ros.gym.course import Carried, Course
+from screw_module_ros.gym.environment import (
     ACTIONS,
     OBSERVATIONS,
     TASKS,
     TherapyEnv,
 )
-from screw_module_ros.gym.loop import PERIOD  # noqa: E402
-from screw_module_ros.plant.settings import arm_of, load_world  # noqa: E402
-from screw_module_ros.therapy.adaptation import Assistance  # noqa: E402
-from screw_module_ros.therapy.hand import HandSample  # noqa: E402
-from screw_module_ros.therapy.protocol import REACH, TrialPlan  # noqa: E402
-from screw_module_ros.therapy.trial import TrialCourse  # noqa: E402
+from screw_module_ros.gym.loop import PERIOD
+from screw_module_ros.plant.settings import arm_of, load_world
+from screw_module_ros.therapy.adaptation import Assistance
+from screw_module_ros.therapy.hand import HandSample
+from screw_module_ros.therapy.protocol import REACH, TrialPlan
+from screw_module_ros.therapy.trial import TrialCourse
 
 pytestmark = pytest.mark.long  # compiles, seconds for each space
 PAGE = Path(__file__).parents[2] / "docs/gym.md"
