@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The record of the patients for therapists' pages, and its only writer while a bridge runs.
 
-One thread at a low priority reads and writes it, so that no page of a session waits. It also takes
-into it what the recorder has closed. Who has asked for what is kept with it.
+One thread reads and writes it, so that no page of a session waits for a whole answer. It has the
+bridge's own priority: at a lower one, others kept it from the processor while it held the
+interpreter's lock, and the pages waited with it. It also takes into the record what the recorder
+has closed. Who has asked for what is kept with it.
 """
 
 from __future__ import annotations
@@ -10,8 +12,6 @@ from __future__ import annotations
 import asyncio
 import io
 import json
-import os
-import threading
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -33,7 +33,6 @@ from ..therapy.recorded import read_sessions
 from ..therapy.replay import replayed
 from ..therapy.scores import Score, keep_scores
 
-_NICE = 19
 _LOOK_NS = 10_000_000_000
 _TAKEN = (
     "another bridge shows the record of {}: open the pages of that one, end it, or give this one "
@@ -102,7 +101,7 @@ class RecordDesk:
 
     def __init__(self, folder: Path, log: Callable[[str], None]):
         self.folder, self._log = folder, log
-        self._thread = ThreadPoolExecutor(1, "record", _step_back)
+        self._thread = ThreadPoolExecutor(1, "record")
         self._lock: Lock | None = None
         self._next_ns, self._seen, self._told = 0, set[Path](), ""
 
@@ -168,7 +167,3 @@ class RecordDesk:
         with opened(self.folder) as record:
             record.update()
             yield record
-
-
-def _step_back() -> None:
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)  # on Linux of the thread

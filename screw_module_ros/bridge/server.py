@@ -65,6 +65,7 @@ class Server:
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
         self._record, self._watch_ns = record, 0
+        self._asked: set[asyncio.BaseTransport | None] = set()  # of answers from the record
         self._connections: set[Connection] = set()
         self._listener: Listener  # both from `start` on
         self._door: Door
@@ -146,7 +147,8 @@ class Server:
         return self._listener.unfinished
 
     def _is_client(self, transport: asyncio.BaseTransport) -> bool:
-        return any(connection.transport is transport for connection in self._connections)
+        known = [connection.transport for connection in self._connections]
+        return transport in self._asked or transport in known
 
     def _unexpected(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Log an error of asyncio without its text, which may quote a request."""
@@ -184,7 +186,11 @@ class Server:
         who = self._door.whose(token_in({}, request.headers))
         if role_of(who) != THERAPIST:
             raise Refused("the patient's page may not read the record")
-        return await self._record.answer(request, who)
+        self._asked.add(request.transport)
+        try:
+            return await self._record.answer(request, who)
+        finally:
+            self._asked.discard(request.transport)
 
     async def _websocket(self, request: web.Request) -> web.StreamResponse:
         token = token_in(request.query, request.headers) or ""

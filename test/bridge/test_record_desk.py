@@ -7,6 +7,7 @@ import asyncio
 import io
 import json
 import shutil
+import socket
 import threading
 import zipfile
 from contextlib import closing
@@ -18,7 +19,7 @@ import pytest
 from fake_gateway import TOKENS, Served, make_server
 from small_bag import MARCH, small_bag
 
-from screw_module_ros.bridge import record_desk, server
+from screw_module_ros.bridge import listener, record_desk, server
 from screw_module_ros.bridge.record_desk import ACTS
 from screw_module_ros.therapy.arm_weights import ArmWeight, keep
 from screw_module_ros.therapy.keeping import weights_file
@@ -326,6 +327,30 @@ def test_pages_of_a_session_do_not_wait_for_the_record(serve, folder, monkeypatc
     assert waiting.is_alive()
     ends.set()
     waiting.join()
+
+
+def test_an_answer_may_take_longer_than_a_request_may(serve, folder, monkeypatch):
+    """A report of a long session was cut off after 10 s, as if no request had come."""
+    monkeypatch.setattr(listener, "_OPENING_S", 0.3)
+    begun, ends, answers = threading.Event(), threading.Event(), []
+
+    def slowly(*given):
+        begun.set()
+        return ends.wait(DEADLINE_S) and {}
+
+    monkeypatch.setitem(ACTS, ("GET", "report"), slowly)
+    server = serve(folder)
+    waiting = threading.Thread(
+        target=lambda: answers.append(ask(server, f"/record/{HER}/report"))
+    )
+    waiting.start()
+    assert begun.wait(DEADLINE_S)
+    host, _, port = server.address.partition("://")[2].partition(":")
+    with socket.create_connection((host, int(port)), timeout=DEADLINE_S) as idle:
+        assert idle.recv(1) == b"", "who came later without a request has been closed"
+    ends.set()
+    waiting.join()
+    assert answers[0][0] == 200
 
 
 def steps(folder: Path, patients: int) -> int:
