@@ -45,7 +45,7 @@ class Day:
         page = self.browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(DEADLINE_MS)
         page.on("pageerror", lambda error: self.errors.append(f"{role}: {error}"))
-        page.goto(f"{self.stage.address}/{role}#token={getattr(self.stage.tokens, role)}")
+        page.goto(f"{self.stage.address}/{role}#token={self.stage.tokens[role]}")
         return page
 
     def press(self, name):
