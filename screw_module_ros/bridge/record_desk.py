@@ -3,8 +3,9 @@
 
 One thread reads and writes it, so that no page of a session waits for a whole answer. It has the
 bridge's own priority: at a lower one, others kept it from the processor while it held the
-interpreter's lock, and the pages waited with it. It also takes into the record what the recorder
-has closed. Who has asked for what is kept with it.
+interpreter's lock, and the pages waited with it. A report is drawn in a process of its own, since
+drawing holds that lock too, and the software stop of a page must not wait. The thread also takes
+into the record what the recorder has closed. Who has asked for what is kept with it.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import signal
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import datetime
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +45,20 @@ _Given = Mapping[str, Any]
 _Act = Callable[[Record, str, _Given], Any]
 
 
-def _report(record: Record, pseudonym: str, given: _Given) -> Any:
+def drawn(bag: Path, number: int) -> bytes:
+    """Return the report of a session of a bag. Raises BagError, OSError."""
     from ..therapy.report import report_text  # matplotlib takes a second
 
+    session = read_sessions(bag)[number]
+    return report_text([session], [replayed(session)]).encode()
+
+
+def _report(record: Record, pseudonym: str, given: _Given) -> Any:
     row = record.sessions(pseudonym)[int(given.get("session", 0)) - 1]
-    session = read_sessions(record.path(row))[row["number"]]
-    text = report_text([session], [replayed(session)])
-    return f"report_{pseudonym}.html", text.encode(), "text/html"
+    ctrl_c = signal.SIGINT, signal.SIG_IGN  # it is the bridge's, which ends this process
+    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, ctrl_c) as apart:
+        body = apart.submit(drawn, record.path(row), row["number"]).result()
+    return f"report_{pseudonym}.html", body, "text/html"
 
 
 def _export(record: Record, pseudonym: str, given: _Given) -> Any:
@@ -130,6 +140,8 @@ class RecordDesk:
             found = await asyncio.wrap_future(job)
         except (LookupError, TypeError):
             raise web.HTTPBadRequest(text="something that was asked for is missing\n") from None
+        except BrokenExecutor:
+            raise web.HTTPConflict(text="the report's process has ended: try again\n") from None
         except (BagError, OSError, ValueError) as error:
             raise web.HTTPConflict(text=f"{error}\n") from None
         if isinstance(found, dict):

@@ -10,8 +10,11 @@ patient, which the index of the record reads again and `session forget` deletes:
 
 from __future__ import annotations
 
+import fcntl
 import json
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -65,5 +68,20 @@ def scores_in(file: Path) -> tuple[Score, ...]:
 def keep_scores(folder: Path, pseudonym: str, scores: Iterable[Score]) -> None:
     """Add scores to those of a patient, each once. Raises SettingError, OSError."""
     file = folder / f"{pseudonym}{ENDING}"
-    kept = sorted({*scores_in(file), *map(validated, scores)})
-    replace(file, json.dumps(plain(_Scores(tuple(kept))), indent=1), private=True)
+    with _one_at_a_time(folder):
+        kept = sorted({*scores_in(file), *map(validated, scores)})
+        replace(file, json.dumps(plain(_Scores(tuple(kept))), indent=1), private=True)
+
+
+@contextmanager
+def _one_at_a_time(folder: Path) -> Iterator[None]:
+    """Wait until no other process adds scores in a folder: a session does, and so do the pages.
+
+    The kernel ends the lock with the process.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

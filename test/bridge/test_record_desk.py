@@ -6,7 +6,9 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import os
 import shutil
+import signal
 import socket
 import threading
 import zipfile
@@ -21,6 +23,7 @@ from small_bag import MARCH, small_bag
 
 from screw_module_ros.bridge import listener, record_desk, server
 from screw_module_ros.bridge.record_desk import ACTS
+from screw_module_ros.therapy import report
 from screw_module_ros.therapy.arm_weights import ArmWeight, keep
 from screw_module_ros.therapy.keeping import weights_file
 from screw_module_ros.therapy.record import Record, alone
@@ -248,6 +251,23 @@ def test_a_report_and_an_export_are_files(serve, folder):
         assert b"2026-03" not in packed.read(name)
     status, body, headers = ask(server, f"/record/{HER}/export")
     assert HER in headers["Content-Disposition"] and HER.encode() in body
+
+
+def test_a_report_is_drawn_in_a_process_of_its_own(serve, folder, monkeypatch):
+    """Drawing holds the interpreter's lock, and with it the software stop of a page."""
+    monkeypatch.setattr(report, "report_text", None)  # of this process
+    status, body, _ = ask(serve(folder), f"/record/{HER}/report")
+    assert status == 200 and b"Sessions of P-7K3QX" in body
+
+
+def ended(bag, number):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_report_whose_process_ends_is_told(serve, folder, monkeypatch):
+    monkeypatch.setattr(record_desk, "drawn", ended)
+    status, body, _ = ask(serve(folder), f"/record/{HER}/report")
+    assert status == 409 and b"try again" in body
 
 
 # Forget ------------------------------------------------------------------------------------

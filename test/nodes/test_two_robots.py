@@ -38,6 +38,7 @@ class Operator:
     def __init__(self, robot):
         self.robot = robot
         self.states: list[TherapyState] = []
+        self.is_homed = False
         robot.node.create_subscription(TherapyState, "therapy/state", self._hear, 10)
 
     def _hear(self, state):
@@ -48,7 +49,9 @@ class Operator:
         robot = self.robot
         robot.enable(False)
         robot.clear_amplifier()
-        robot.trigger("encoder/home")
+        if not self.is_homed:  # once: a session leaves the nut elsewhere than at its mark
+            robot.trigger("encoder/home")
+            self.is_homed = True
         robot.set_mode(ForceCommand.IMPEDANCE)
         robot.trigger("supervisor/reset")
         robot.wait_until(
