@@ -284,7 +284,7 @@ class TherapySessionNode(Node):
             session.held = ""
             if not self._recording.waits:
                 session.begin()
-        if asked.scores:
+        if asked.scores and not self._recording.waits:  # until then it is not known where
             told, asked.scores = asked.scores, []
             if problem := self._recording.keep(self.course.patient, told):
                 self.get_logger().warning(problem)

@@ -630,6 +630,16 @@ def test_a_session_begins_once_the_patient_has_told_his_pain_and_tiredness(room,
     assert kept(tmp_path) == [("pain_before", 2.0), ("tired_before", 4.0)]
 
 
+def test_what_is_told_before_the_recorder_has_answered_is_kept_then(room, tmp_path, monkeypatch):
+    assert room.call("~/start", ASKING) == ""
+    monkeypatch.setattr(SessionRecording, "waits", True)
+    answer(room, PAIN + 2, TIREDNESS + 4)
+    monkeypatch.setattr(SessionRecording, "waits", False)
+    room.keeps(tmp_path)
+    room.go_on(0.01)
+    assert kept(tmp_path) == [("pain_before", 2.0), ("tired_before", 4.0)]
+
+
 def test_who_cannot_answer_is_not_waited_for(room):
     assert room.call("~/start", ASKING) == ""
     assert room.call("~/resume") == ""
