@@ -27,7 +27,7 @@ PATIENTS = ("weak", "spastic", "synergy", "tiring", "severe")
 CIRCUITS = {"reach": 2, "height": 3, "space": 2}
 LOW, HIGH = (np.array([getattr(one, end) for one in ACTIONS.values()]) for end in ("low", "high"))
 LOW[0] = 0.0  # a policy may carry the arm, not load it
-FEATURES = 6  # of a policy's linear layer, for each number of the action
+FEATURES = 6  # numbers that a policy sees, each with a weight for each number of the action
 
 
 def made(task: str) -> TherapyEnv:

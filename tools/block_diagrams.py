@@ -36,7 +36,7 @@ DT = 4e-3
 JUDGED = 150
 """Ticks at the end in which answers are compared."""
 FRICTION_MODEL, WEIGHT = "friction model", "weight"
-_CHANGE = 0.3  # of a signal's size, and of a setting's value
+_CHANGE = 0.3  # share of a signal's size, or of a setting's value, that is changed
 _LEAST = 1e-6  # [N] a difference beyond rounding, and beyond what is left of a fade
 
 _LOUD_AND_QUIET = 1.0, 0.005
@@ -219,7 +219,7 @@ class Block(NamedTuple):
     ours: bool = False  # it is a part of the law, not of the envelope
 
 
-_TOLD = (  # of the vertical envelope, as `control/envelope.py` has them
+_TOLD = (  # parts of the vertical envelope before the law, as `control/envelope.py` has them
     Block(("position_wanted", "velocity_wanted"), "set point",
           ("setpoint_speed", "setpoint_acceleration"), ("to_position", "to_velocity")),
     Block(("force",), "low pass", ("force_cutoff",), ("handle",)),
@@ -237,7 +237,7 @@ _SENT = (
           ("gravity", "standing_force", "speed_limit", "edge_braking", "command_up",
            "command_down", "force_rate"), ("command",)),
 )  # fmt: skip
-_PLANE_TOLD = (  # of the plane's envelope, as `control/plane_envelope.py` has them
+_PLANE_TOLD = (  # parts of the plane's envelope before it, as `control/plane_envelope.py` has
     Block(("x, y wanted",), "set point", (), ("to_x, to_y", "to_vx, to_vy")),
     Block(("damper", "damper in a slot"), "largest of setting and needs", ("damping",),
           ("damping",)),

@@ -22,6 +22,7 @@ from ..control.laws import own_of
 from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.linearization import default_linearization
 from ..control.minimum_jerk import PEAK_SPEED, way
+from ..control.modes import FORCE_FEEDBACK
 from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..control.slot import Slot, SlotLimits
 from ..control.support import SupportSettings, SupportState
@@ -30,7 +31,15 @@ from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
 from ..plant.module import resting_state, vertical_params
 from ..plant.muscles import RESTED
-from ..plant.patient import ArmSettings, HumanArm, arm_force, changed_patient, resting_patient
+from ..plant.patient import (
+    CIRCLE_STEP_SHARE,
+    ArmSettings,
+    HumanArm,
+    arm_force,
+    changed_patient,
+    on_circle,
+    resting_patient,
+)
 from ..plant.planar import planar_params, planar_step, resting_plane
 from ..plant.sensor import seeded, sensor_params
 from ..plant.settings import WorldSettings
@@ -58,9 +67,7 @@ from .loop import (
     still,
 )
 
-FORCE_FEEDBACK = 3
 _LONGEST = 200.0  # [s] more than a movement may take: 20 to its start, 120 of waiting and moving
-_STEPS, _STEP_SHARE = 12, 0.5  # of a circle; of a reach's time for each
 _ANY_WAY, _NEVER = (0.0, 0.0, 0.0), math.inf
 
 
@@ -209,7 +216,7 @@ class Course:
 
     def _round(self, line: Line, like: Slot, begun: int, support: float) -> np.ndarray:
         """Let him go round the circle until he is round, or its time is over; return the rows."""
-        (cx, cy, _), step_s = line.start, _STEP_SHARE * self._patient.arm.reach_time
+        (cx, cy, _), step_s = line.start, CIRCLE_STEP_SHARE * self._patient.arm.reach_time
         parts, turned = [], 0.0
         for step in range(1, math.ceil(self.block.duration / step_s) + 1):
             self._send(self._goal(line, step))
@@ -254,14 +261,10 @@ class Course:
 
     def _goal(self, line: Line, step: int) -> Point:
         """Return where he goes: to his share of the way, or to a step of the circle, clockwise."""
-        (a, b, c), (x, y, z) = line.start, line.target
-        if self.block.kind != CIRCLE:
-            share = self._patient.arm.follows
-            return a + share * (x - a), b + share * (y - b), c + share * (z - c)
-        angle = 2.0 * math.pi * step / _STEPS
-        x, y = x - a, y - b
-        cos, sin = math.cos(angle), math.sin(angle)
-        return a + x * cos + y * sin, b + y * cos - x * sin, z
+        if self.block.kind == CIRCLE:
+            return on_circle(line.start, line.target, step)
+        (a, b, c), (x, y, z), share = line.start, line.target, self._patient.arm.follows
+        return a + share * (x - a), b + share * (y - b), c + share * (z - c)
 
 
 def _unit(line: Line) -> Point:

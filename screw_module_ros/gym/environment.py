@@ -17,6 +17,7 @@ import numpy as np
 
 from ..control.law import Law
 from ..control.laws.thesis import THESIS
+from ..control.modes import FORCE_FEEDBACK
 from ..plant.patient import HumanArm, with_traits
 from ..plant.settings import arm_of, load_world, perturbed
 from ..settings import Setting, fields, shown
@@ -24,7 +25,7 @@ from ..therapy.adaptation import AdaptationBounds
 from ..therapy.protocol import ways
 from ..therapy.protocol_file import load_protocol
 from ..therapy.support import BEYOND_WEIGHT, SUPPORT_RANGE
-from .course import FORCE_FEEDBACK, Carried, Course
+from .course import Carried, Course
 
 TASKS = {
     "height": ("elevator", 2),

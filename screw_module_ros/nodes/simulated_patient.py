@@ -12,11 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from geometry_msgs.msg import Point
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
 from screw_module_ros import graph
 from screw_module_ros.control.limits import clamp
-from screw_module_ros.plant.patient import ArmSettings, HumanArm, Triple
+from screw_module_ros.plant.patient import (
+    CIRCLE_STEP_SHARE,
+    ArmSettings,
+    HumanArm,
+    Triple,
+    on_circle,
+)
 from screw_module_ros.therapy.protocol import CIRCLE, WEIGH
 from screw_module_ros.therapy.wishes import SILENT_NS, WishLimits
 
@@ -25,7 +32,6 @@ from .support.topics import requested
 
 _FAR_M = 0.03  # a point that moves: the hand sets out anew when it is this far from its target
 _NEAR_M = 0.001  # the same for a point that has come to rest
-_STEPS, _STEP_SHARE = 12, 0.5  # of a circle; of a reach's time for each
 
 
 class SimulatedPatient:
@@ -112,8 +118,9 @@ def _asked(state: TherapyState, arm: HumanArm) -> tuple[object, Triple]:
     prepares = state.phase in (TherapyState.NONE, TherapyState.PREPARE)
     if state.kind == CIRCLE:
         passed = state.since if state.since > 0.0 else 0.0
-        step = 0 if prepares else 1 + int(passed / (_STEP_SHARE * arm.reach_time))
-        return (state.trial, prepares, step), _on_circle(state, step)
+        step = 0 if prepares else 1 + int(passed / (CIRCLE_STEP_SHARE * arm.reach_time))
+        point = on_circle(_triple(state.start), _triple(state.target), step)
+        return (state.trial, prepares, step), point
     share = 0.0 if prepares else arm.follows
     begin, end = state.start, state.target
     x, y, z = (
@@ -122,10 +129,5 @@ def _asked(state: TherapyState, arm: HumanArm) -> tuple[object, Triple]:
     return (state.trial, prepares), (x, y, z)
 
 
-def _on_circle(state: TherapyState, step: int) -> Triple:
-    """Return the point on the circle [m] after `step` steps clockwise from its target."""
-    angle = 2.0 * math.pi * step / _STEPS
-    x, y = state.target.x - state.start.x, state.target.y - state.start.y
-    turned_x = x * math.cos(angle) + y * math.sin(angle)
-    turned_y = y * math.cos(angle) - x * math.sin(angle)
-    return state.start.x + turned_x, state.start.y + turned_y, state.target.z
+def _triple(point: Point) -> Triple:
+    return point.x, point.y, point.z

@@ -29,6 +29,9 @@ STRONGEST = 2000.0  # [N] more than spring and damper of an arm pull: it has no 
 Triple = tuple[float, float, float]
 _KEEP = (math.nan, math.nan, math.nan)
 _STEP_S = 1e-3  # duration of a step that has not begun yet
+CIRCLE_STEP_SHARE = 0.5
+"""Time of one of the steps in which a patient draws a circle, as a share of a reach's time."""
+_CIRCLE_STEPS = 12  # number of steps once round
 
 
 class HumanArm(NamedTuple):
@@ -380,3 +383,12 @@ def _with_tremor(arm: HumanArm, paths: list[HandPath], effort: float = 1.0) -> P
     omega = 2.0 * math.pi * arm.tremor_rate
     x, y, z = (path._replace(tremor=arm.tremor, tremor_omega=omega) for path in paths)
     return Patient(arm, (x, y, z), effort)
+
+
+def on_circle(centre: Triple, begin: Triple, step: int) -> Triple:
+    """Return where a patient goes for a step of a circle [m]: clockwise from where it begins."""
+    angle = math.tau * step / _CIRCLE_STEPS
+    x, y = begin[0] - centre[0], begin[1] - centre[1]
+    turned_x = x * math.cos(angle) + y * math.sin(angle)
+    turned_y = y * math.cos(angle) - x * math.sin(angle)
+    return centre[0] + turned_x, centre[1] + turned_y, begin[2]

@@ -22,6 +22,8 @@ from .trial import Phase, PrepareError, TrialCourse
 PULLS_HARD, PATIENT_ASKED = "the arm pulls hard", "the patient asked"
 THERAPIST_PAUSED = "the therapist paused it"
 """Reasons of a pause that have a word of their own in a list of events."""
+RESTS = "a rest"
+"""Reason of the one pause that ends by itself."""
 
 
 class State(IntEnum):
@@ -40,8 +42,6 @@ class State(IntEnum):
         return self.name.lower()
 
 
-RESTS = "a rest"
-"""Reason of the one pause that ends by itself."""
 UNDER_WAY = (State.STARTING, State.RUNNING, State.PAUSED)
 
 

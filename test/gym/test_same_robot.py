@@ -14,12 +14,13 @@ from screw_module_ros.control.envelope import initial_state
 from screw_module_ros.control.laws import own_of
 from screw_module_ros.control.laws.thesis import THESIS
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.control.support import SupportState
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.filters import lowpass_coefficients, velocity_settled
-from screw_module_ros.gym.course import FORCE_FEEDBACK, Course
+from screw_module_ros.gym.course import Course
 from screw_module_ros.gym.loop import DELAY, PERIOD, ROW_TICKS, Goal, Order
 from screw_module_ros.identification.vertical_loop import (
     COLUMNS,

@@ -31,6 +31,7 @@ from screw_module_ros.plant.patient import (
     arm_force,
     changed_patient,
     hand_point,
+    on_circle,
     resting_patient,
     spring_terms,
 )
@@ -93,15 +94,6 @@ MANUS = Robot(mass=6.5, friction=0.8, hold=800.0)
 """About what the rig's plane is to a hand: module and arm, joint friction (params/plant.yaml)."""
 
 
-def round_the(plan, number):
-    """Return the point of a circle [m] after `number` of 12 steps clockwise."""
-    (cx, cy, _), (x, y, z) = plan.start, plan.target
-    angle = math.tau * number / 12
-    dx, dy = x - cx, y - cy
-    across = dx * math.cos(angle) + dy * math.sin(angle)
-    return cx + across, cy + dy * math.cos(angle) - dx * math.sin(angle), z
-
-
 class Simulation:
     """A person at the robot; `step` moves both by 2.5 ms, `sample` is what endpoint_state tells.
 
@@ -158,7 +150,8 @@ class Simulation:
         elif trial.kind == CIRCLE:
             self.turned += 1
             self.onwards = self.now + 0.5 * self.person.duration
-            self.go(round_the(trial.plan, self.turned), self.person.duration, 0.0, 1.0)
+            point = on_circle(trial.plan.start, trial.plan.target, self.turned)
+            self.go(point, self.person.duration, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
                 self.person.spread * self.chance.gauss(0.0, 1.0)

@@ -27,7 +27,7 @@ from screw_geometry import (
     cylinder,
 )
 
-from notebooks import NOTEBOOKS, ROOT, executed
+from notebooks import EXAMPLES, NOTEBOOKS, ROOT, executed
 from screw_module_ros.identification import requirements
 from screw_module_ros.identification.report import ELSEWHERE
 
@@ -72,7 +72,7 @@ def masses():
 # The notebooks as a reader runs them --------------------------------------------------------------
 
 
-@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", [*NOTEBOOKS, *EXAMPLES], ids=lambda file: file.stem)
 def test_a_notebook_is_stored_without_output(file):
     notebook = nbformat.read(file, as_version=4)
     nbformat.validate(notebook)
