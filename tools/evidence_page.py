@@ -54,7 +54,8 @@ committed</span>{% endif %}
 <p>Which software moved a patient. <em>This build</em>: the same bytes of code as here.</p>
 <table><tr><th>begun<th>robot<th>software<th>law<th>protocol<th>its SHA-256<th>parameters, SHA-256
 {% for each in sessions %}<tr><td>{{ each.begun }}<td>{{ each.robot }}<td>{{ each.software }}
-{%- if each.software == build.software %} (this build{{ ', dirty' if build.dirty }}){% endif %}
+{%- if each.software.partition(',')[0] == build.software.partition(',')[0] %} (this build
+{{- ', dirty' if build.dirty }}){% endif %}
 <td>{{ each.law }}<td>{{ each.protocol }}<td><code>{{ each.protocol_sha256[:16] }}</code>
 <td><code>{{ each.parameters_sha256[:16] }}</code>
 {% endfor %}</table>{% endif %}

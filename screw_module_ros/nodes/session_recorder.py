@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings
-from screw_module_ros.recording.pseudonym import checked_pseudonym
+from screw_module_ros.recording.pseudonym import checked_pseudonym, owner
 from screw_module_ros.recording.recorder import (
     PARAMETERS,
     REFUSED,
@@ -35,6 +35,7 @@ from screw_module_ros.recording.recorder import (
 )
 from screw_module_ros.recording.recover import bag_names, unfinished
 from screw_module_ros.settings import Setting
+from screw_module_ros.software import DIRTY, commit
 
 from .recording_parameters import NodeParameters
 from .recording_topics import Taps
@@ -67,6 +68,9 @@ class RecorderSettings(NamedTuple):
     configuration: Annotated[
         tuple, Setting("files whose hashes are noted in the bag, like parameter files", live=True)
     ] = ("",)
+    allow_dirty: Annotated[
+        bool, Setting("record patients also with software that differs from its commit", live=True)
+    ] = False
     period: Annotated[
         float, Setting("period in which the queues of all topics are emptied", "s", 0.001, 0.1)
     ] = 0.02
@@ -205,6 +209,12 @@ class SessionRecorder(Node):
             taps.recording.note(REFUSED, dict(taps.refused))
 
     def _on_start(self, name: str) -> str:
+        allowed = self.parameters.read(RecorderSettings).allow_dirty
+        if owner(name) and commit().endswith(DIRTY) and not allowed:
+            return (
+                f"no patient is recorded with software that differs from its commit ({commit()}): "
+                "commit or undo the changes and start the robot again, or set allow_dirty"
+            )
         if self._taps is not None and self._taps.recording.status().records:
             return "already recording: stop that first"  # the one who asks may log it
         self._stop()

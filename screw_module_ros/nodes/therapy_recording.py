@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock
-from screw_module_ros.recording.pseudonym import PATTERN
+from screw_module_ros.recording import pseudonym
 from screw_module_ros.settings import Setting, SettingError
 from screw_module_ros.therapy.scores import Score, keep_scores
 from screw_module_ros.therapy.session import UNDER_WAY, Session
@@ -97,9 +97,8 @@ class SessionRecording:
 
         The node that began that recording was killed: it would hold this patient's movements too.
         """
-        owner, _, rest = self._bag.partition("_")
-        is_news = now_ns - self._heard_ns < _OLD_NS
-        return owner if is_news and rest and PATTERN.fullmatch(owner) and owner != patient else ""
+        owner = pseudonym.owner(self._bag)
+        return owner if now_ns - self._heard_ns < _OLD_NS and owner != patient else ""
 
     def keep(self, patient: str, told: Sequence[tuple[str, float]]) -> str:
         """Keep scores beside the bags, of a session that is recorded; return what is wrong."""

@@ -46,6 +46,12 @@ def checked_pseudonym(text: str) -> str:
     return text
 
 
+def owner(bag: str) -> str:
+    """Return the pseudonym with which the name of a session's bag begins, empty without one."""
+    first, _, rest = bag.partition("_")
+    return first if rest and PATTERN.fullmatch(first) else ""
+
+
 def patient_folder(root: Path, pseudonym: str) -> Path:
     """Make and return the patient's folder below `root`, which only the owner can read.
 

@@ -76,6 +76,7 @@ def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
 def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
     """A name that stayed would be a patient's on somebody else's recording."""
     give(recorder, name="by_hand")
+    give(recorder, allow_dirty=True)
     folders = [Path(called(recorder, "record", StartRecording, name="P-7K3QX_clock"))]
     refused = called(recorder, "record", StartRecording, name="other")
     assert "already recording" in refused and "P-7K3QX" not in refused, "who asks may log it"
@@ -85,6 +86,25 @@ def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
     assert [folder.name for folder in folders] == ["P-7K3QX_clock", "by_hand"]
     folder = Path(called(recorder, "record", StartRecording))
     assert folder.name.startswith("session_2")
+
+
+def test_no_patient_is_recorded_with_changed_software_unless_allowed(recorder, monkeypatch):
+    monkeypatch.setattr(session_recorder, "commit", lambda: "0a1b2c3d4e5f, dirty")
+    refused = called(recorder, "record", StartRecording, name="P-7K3QX_clock")
+    assert "differs from its commit (0a1b2c3d4e5f, dirty)" in refused and "allow_dirty" in refused
+    give(recorder, name="P-7K3QX_by_hand")
+    assert called(recorder, "start") == refused
+    assert Path(called(recorder, "record", StartRecording, name="bench")).name == "bench"
+    called(recorder, "stop")
+    give(recorder, allow_dirty=True)
+    assert Path(called(recorder, "start")).name == "P-7K3QX_by_hand"
+    called(recorder, "stop")
+    give(recorder, allow_dirty=False)
+    for told in ("0a1b2c3d4e5f", "unknown"):
+        monkeypatch.setattr(session_recorder, "commit", lambda told=told: told)
+        name = f"P-7K3QX_{told}"
+        assert Path(called(recorder, "record", StartRecording, name=name)).name == name
+        called(recorder, "stop")
 
 
 def test_the_sessions_of_a_patient_are_counted(recorder, tmp_path):

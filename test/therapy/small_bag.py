@@ -38,13 +38,13 @@ def _definition(kind: str):
 def small_bag(
     folder: Path, patient: str = "P-7K3QX", begin_s: float = MARCH, reaches=(), side: str = "left",
     acts=((State.RUNNING, ""), (State.FINISHED, "")), definition: str = "", closed: bool = True,
-    hand_off=(),
+    hand_off=(), software: str = "0.1.0 0123456789ab",
 ) -> Path:  # fmt: skip
     """Write a bag below a folder, named as a session's node names it; return it.
 
     reaches: fields of TrialResult, each an unassisted reach of 1 s, one each 2 s; acts: states with
     their reasons, at the beginning and after; closed: False leaves it unfinished; hand_off: times
-    after the beginning [s], with whether the hand is off then.
+    after the beginning [s], with whether the hand is off then; software: as safety_state tells it.
     """
     begun = datetime.fromtimestamp(begin_s).astimezone()
     name = f"{patient}_clock_adaptive_{begun:%Y_%m_%d-%H_%M_%S}"
@@ -62,7 +62,7 @@ def small_bag(
         bag.write([Message(channels[topic], at, at, 0, bytes(serialize_message(message)))])
 
     tell(graph.ENDPOINT_STATE, 0.0, EndpointState())
-    tell(graph.SAFETY_STATE, 0.0, SafetyState(software="0.1.0 0123456789ab"))
+    tell(graph.SAFETY_STATE, 0.0, SafetyState(software=software))
     tell(graph.CONTROLLER_STATE, 0.0, ImpedanceState(law="force 1.0", calibration="SIM-0001"))
     for after_s, is_off in hand_off:
         tell(graph.CONTROLLER_STATE, after_s, ImpedanceState(hand_off=is_off))

@@ -175,6 +175,11 @@ def test_the_software_that_moved_the_patient_is_named(tmp_path):
     (session,) = read_sessions(small_bag(tmp_path, reaches=[{"pm4": 0.1}] * 2))
     page = write_report(tmp_path / "a.html", [session], [replayed(session)]).read_text("utf-8")
     assert "moved by the software 0.1.0 0123456789ab" in page
+    assert "differed from that commit" not in page
+    told = "0.1.0 0123456789ab, commit 0a1b2c3d4e5f, dirty"
+    (dirty,) = read_sessions(small_bag(tmp_path, "P-9M4TR", software=told))
+    page = write_report(tmp_path / "c.html", [dirty], [replayed(session)]).read_text("utf-8")
+    assert f"moved by the software {told}: it differed from that commit" in page
     old = session._replace(folder=tmp_path / "nothing")
     page = write_report(tmp_path / "b.html", [old], [replayed(session)]).read_text("utf-8")
     assert "moved by the software of a version that did not tell" in page

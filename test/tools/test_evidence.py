@@ -231,8 +231,8 @@ def test_each_session_names_its_software_law_protocol_and_parameters(tmp_path):
     assert "P-7K3QX" not in json.dumps(found)
     known = evidence_page.page({
         "cannot": "", "made": "", "hazards": [], "parts": [], "sessions": found,
-        "build": {"software": "0.1.0 0123456789ab", "commit": "", "committed": "", "tried": "",
-                  "dirty": ["units.py"], "laws": {}, "files": {}},
+        "build": {"software": "0.1.0 0123456789ab, commit 0a1b2c3d4e5f", "commit": "",
+                  "committed": "", "tried": "", "dirty": ["units.py"], "laws": {}, "files": {}},
     }, "")  # fmt: skip
     assert known.count("(this build, dirty)") == 2
 
