@@ -129,6 +129,7 @@ THERAPY_SLOT = "therapy/slot"
 THERAPY_WISH = "therapy/wish"
 THERAPY_ATTENDANCE = "therapy/attendance"
 THERAPY_ANSWER = "therapy/answer"
+THERAPY_ACTION = "therapy/action"
 THERAPY_STATE = "therapy/state"
 THERAPY_TRIAL = "therapy/trial"
 THERAPY_ASSISTANCE = "therapy/assistance"
@@ -178,6 +179,7 @@ _TOPICS = (
           ("therapy_session",)),
     Topic(THERAPY_ANSWER, "std_msgs/msg/UInt8", "command", "web_bridge", 0.0,
           ("therapy_session",)),
+    Topic(THERAPY_ACTION, "rcl_interfaces/msg/Log", "state", "web_bridge", 0.0),
     Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0,
           ("web_bridge", "sim_rig")),
     Topic(THERAPY_TRIAL, _OURS + "TrialResult", "state", "therapy_session", 0.0,

@@ -19,7 +19,19 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ..settings import shown
-from .rights import CALL, PUBLISH, STOP, SUBSCRIBE, Denied, Place, Rights
+from .rights import (
+    ACTION,
+    ANSWER,
+    CALL,
+    PUBLISH,
+    SILENT,
+    STOP,
+    SUBSCRIBE,
+    Denied,
+    Place,
+    Rights,
+    pressed,
+)
 from .settings import Limits
 
 _MOST_ANSWERS = 64
@@ -45,6 +57,9 @@ class Gateway(Protocol):
 
     async def call(self, service: str, arguments: dict) -> dict:
         """Call a service; return its response. Raises ValueError, ServiceError."""
+
+    def act(self, robot: str, page: str, action: str, refused: bool = False) -> None:
+        """Keep what a person did at the page of a role, for the bag of the robot's session."""
 
 
 class ServiceError(RuntimeError):
@@ -192,7 +207,13 @@ class Client:
     def _publish(self, op: dict) -> None:
         place = self._place(op, PUBLISH, "topic")
         self._held.pop(place.full, None)  # it is older
-        self._gateway.publish(place.full, op.get("msg") or {})
+        content = op.get("msg") or {}
+        if place.name == ACTION:
+            self._gateway.act(place.robot, self.role, pressed(self.role, content))
+            return
+        self._gateway.publish(place.full, content)
+        if place.name == ANSWER:
+            self._gateway.act(place.robot, self.role, "answer")
 
     def _call(self, op: dict) -> None:
         arguments = op.get("args") or {}
@@ -202,7 +223,7 @@ class Client:
         # Calls that wait for a node that hangs must not prevent the stop.
         if place.name != STOP and len(self._calls) >= _MOST_CALLS:
             raise Denied(f"{_MOST_CALLS} calls are under way: wait for their answers")
-        call = asyncio.ensure_future(self._answer(op, place.full, arguments))
+        call = asyncio.ensure_future(self._answer(op, place, arguments))
         self._calls.add(call)
         call.add_done_callback(self._calls.discard)
 
@@ -222,13 +243,15 @@ class Client:
             raise ValueError(f"{key}, type: names are wanted")
         return self._rights.may(self.role, verb, name, kind, arguments)
 
-    async def _answer(self, op: dict, service: str, arguments: dict) -> None:
+    async def _answer(self, op: dict, place: Place, arguments: dict) -> None:
         values: Any
         try:
-            values, result = await self._gateway.call(service, arguments), True
+            values, result = await self._gateway.call(place.full, arguments), True
         except Exception as error:  # whatever it is: the caller waits for a response
             values, result = str(error) or type(error).__name__, False
         self._respond(op, values, result)
+        if not place.name.endswith(SILENT):
+            self._gateway.act(place.robot, self.role, *_action(place, arguments, values, result))
 
     def _respond(self, op: dict, values: Any, result: bool) -> None:
         service = op.get("service") if isinstance(op.get("service"), str) else ""
@@ -272,6 +295,17 @@ def _check(op: dict[str, Any]) -> None:
 def _is_stop(op: dict[str, Any]) -> bool:
     """Return whether it asks for the software stop, which is never too much."""
     return op["op"] == "call_service" and str(op.get("service")).endswith(STOP)
+
+
+def _action(place: Place, arguments: dict, values: Any, result: bool) -> tuple[str, bool]:
+    """Return what a call was for, without its values, and whether it was refused."""
+    what = place.name.rpartition("/")[2]
+    if not result:
+        return what, True
+    if what == "set_parameters":
+        named = " ".join(each["name"] for each in arguments["parameters"])
+        return f"set {named}", not all(each["successful"] for each in values["results"])
+    return what, not values["success"]
 
 
 def _refuse_constant(name: str) -> None:

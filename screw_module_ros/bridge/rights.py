@@ -17,7 +17,9 @@ PATIENT, THERAPIST = "patient", "therapist"
 SUBSCRIBE, PUBLISH, CALL = "subscribe", "publish", "call"
 WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
 ANSWER = graph.THERAPY_ANSWER
-"""A number that the patient touches: the one thing that his token may always publish."""
+"""A number that the patient touches."""
+ACTION = graph.THERAPY_ACTION
+"""What a person did at a page: of calls and answers the bridge tells it, of `PRESSES` the page."""
 STOP = "supervisor/estop"
 """The software stop."""
 PATIENTS_STOP = "therapy_session/pause_by_patient"
@@ -41,15 +43,24 @@ SERVICES = {
 }
 """Services that the bridge calls, with their types."""
 
+SILENT = ("get_parameters", "describe_parameters")
+"""Services that a page calls by itself, so that they are no action of a person."""
+PRESSES = {
+    PATIENT: ("back", "language", "hand", "sound", "full", "fruit", "free"),
+    THERAPIST: ("fresh", "again"),
+}
+"""Buttons that ask nothing of the robot, by their `name` in a page: all that it may tell of them,
+so that nothing typed gets into a bag."""
+
 _STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
 ROLES = {
-    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (ANSWER,), CALL: (PATIENTS_STOP,)},
+    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (ANSWER, ACTION), CALL: (PATIENTS_STOP,)},
     THERAPIST: {
         SUBSCRIBE: (
             *_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE,
             graph.CONTROLLER_STATE, graph.AMPLIFIER_STATE,
         ),
-        PUBLISH: (WISH, ATTENDANCE, ANSWER),
+        PUBLISH: (WISH, ATTENDANCE, ANSWER, ACTION),
         CALL: tuple(SERVICES),
     },
 }
@@ -138,6 +149,14 @@ class Rights:
             if name.startswith(prefix) and name[len(prefix) :] in TYPES:
                 return Place(robot, name[len(prefix) :])
         return None
+
+
+def pressed(role: str, content: Any) -> str:
+    """Return which button a page tells of. Raises Denied for any but those of its role."""
+    name = content.get("msg") if isinstance(content, dict) else None
+    if name not in PRESSES[role]:
+        raise Denied(f"{ACTION}: msg is one of {', '.join(PRESSES[role])}")
+    return name
 
 
 def _check_parameters(service: str, arguments: dict[str, Any]) -> None:

@@ -14,30 +14,34 @@ import contextlib
 from collections import deque
 from typing import Any
 
-from rclpy.node import Node
+from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.client import ServiceError
 from screw_module_ros.bridge.messages import as_json, filled, plain
 from screw_module_ros.bridge.rights import (
+    ACTION,
     CALL,
     KEPT,
     PUBLISH,
+    ROLES,
     SUBSCRIBE,
     Place,
     Rights,
 )
 from screw_module_ros.clock import WallClock
 from screw_module_ros.graph import THERAPY_STATE, interface_class
-from screw_module_ros.therapy.session import UNDER_WAY
+from screw_module_ros.therapy.session import UNDER_WAY, State
 
 from .support import topics
 from .support.inbox import HotGroup, never
+from .support.node import Node
 from .support.topics import is_served
 
 _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
+_MOST_ACTIONS = 100  # the newest ones of a page, which wait for the recording of a session
 _CHECK_S = 0.1
 _FOUND_S = 5.0  # the middleware repeats lost announcements each 3 s
 
@@ -142,6 +146,8 @@ class BridgeGateway:
             )
             for place in rights.places(PUBLISH)
         }
+        self._actions = {(robot, page): deque[Log](maxlen=_MOST_ACTIONS)
+                         for robot in rights.robots for page in ROLES}  # fmt: skip
         self._clients = {
             place.full: node.create_client(interface_class(place.type), place.full)
             for place in rights.places(CALL)
@@ -165,6 +171,24 @@ class BridgeGateway:
             if state is not None and state.state not in UNDER_WAY:
                 for name in KEPT:
                     self._polled[Place(robot, name).full].forget()
+            for page in ROLES if state is not None else ():
+                self._tell_action(robot, self._actions[robot, page], state)
+
+    def _tell_action(self, robot: str, waiting: deque[Log], state: Any) -> None:
+        """Publish the oldest action while a session is recorded; forget those of one that is not.
+
+        What was done since the session before, such as a start that was refused, comes with it.
+        """
+        if waiting and state.recorded:
+            self._publishers[Place(robot, ACTION).full].publish(waiting.popleft())
+        elif state.state in (State.RUNNING, State.PAUSED):
+            waiting.clear()
+
+    def act(self, robot: str, page: str, action: str, refused: bool = False) -> None:
+        """Keep what a person did at the page of a role, for the bag of the robot's session."""
+        log = Log(level=Log.WARN if refused else Log.INFO, name=page, msg=action)
+        self._node.stamp(log)
+        self._actions[robot, page].append(log)
 
     def begin(self, topic: str) -> int:
         """Return the number of the last message that a new subscriber does not get."""

@@ -7,7 +7,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime, timedelta, timezone
 from functools import partial
@@ -18,7 +18,7 @@ from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
 from ..settings import SettingError
 from .bids import write_bids
-from .events import events_of
+from .events import actions_of, events_of
 from .export import csv_text, masked, write_tables
 from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
 from .progress import as_text, progress_of
@@ -141,14 +141,26 @@ def _progress(options: argparse.Namespace) -> int:
 
 def _events(options: argparse.Namespace) -> int:
     with _of_folder(options) as record:
-        found = [
-            (row["pseudonym"], str(local(row) or ""), round(minute, 1), what, why, row["source"])
-            for row in record.sessions(options.patient)
-            for minute, what, why in events_of(
-                _read(record.path(row), None)[row["number"]], record.scores(row["pseudonym"])
-            )
-        ]
-    columns = ("patient", "begun", "minute", "event", "detail", "bag")
+        return _listed(record, options, ("event", "detail"),
+                       lambda of: events_of(of, record.scores(of.patient)))  # fmt: skip
+
+
+def _actions(options: argparse.Namespace) -> int:
+    with _of_bags(options) as record:
+        return _listed(record, options, ("page", "action", "outcome", "seconds"), actions_of)
+
+
+def _listed(
+    record: Record, options: argparse.Namespace, names: Sequence[str],
+    of: Callable[[Recorded], Iterable[tuple[Any, ...]]],
+) -> int:  # fmt: skip
+    """Print as CSV what `of` finds of each session: its minute, and what has these names."""
+    columns = ("patient", "begun", "minute", *names, "bag")
+    found = [
+        (row["pseudonym"], str(local(row) or ""), round(minute, 2) + 0.0, *each, row["source"])
+        for row in record.sessions(options.patient)
+        for minute, *each in of(_read(record.path(row), None)[row["number"]])
+    ]
     print(csv_text(columns, [dict(zip(columns, each, strict=True)) for each in found]), end="")
     return 0
 
@@ -212,7 +224,7 @@ def _of_folder(options: argparse.Namespace, place: str = "") -> Iterator[Record]
 @contextmanager
 def _of_bags(options: argparse.Namespace) -> Iterator[Record]:
     """Open the record of the folder of bags that was named, or make one of the bags in memory."""
-    folder, out = options.bags[0], str(options.out.resolve())
+    folder, out = options.bags[0], str(options.out.resolve()) if "out" in options else ""
     if len(options.bags) == 1 and folder.is_dir() and sources(folder):
         options.folder = folder
         with _of_folder(options, out) as record:
@@ -267,6 +279,8 @@ _COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
     "progress": (_progress, "a patient's sessions side by side, as text", "patient --folder"),
     "events": (_events, "pauses, stops, spasms, hands off and pain, by minute and bag, as CSV",
                "--patient --folder"),
+    "actions": (_actions, "what was done at the pages: refused, undone, how long it took, as CSV",
+                "bags --patient"),
     "score": (_score, f"keep a score of a patient: {', '.join(SCALES)}",
               "patient scale value --at --folder"),
     "due": (_due, "patients whose last session is older than a time", "--older folder"),

@@ -37,6 +37,7 @@ class FakeGateway:
     def __init__(self):
         self.published: list[tuple[str, dict]] = []
         self.calls: list[tuple] = []
+        self.actions: list[tuple] = []
         self.told: dict[str, list[tuple[int, str]]] = {}
 
     def tell(self, topic, content):
@@ -58,6 +59,9 @@ class FakeGateway:
         if not isinstance(content, dict) or "bad" in content:
             raise ValueError("bad: unknown field")
         self.published.append((topic, content))
+
+    def act(self, robot, page, action, refused=False):
+        self.actions.append((robot, page, action, refused))
 
     async def call(self, service, arguments):
         if "bad" in arguments:

@@ -260,7 +260,7 @@ def test_calls_without_answers_are_bounded(gateway):
         yield
         assert len(gateway.calls) == 8
         assert len([answer for answer in sent(page) if answer["result"] is False]) == 12
-        gateway.calls[0][2].set_result({})
+        gateway.calls[0][2].set_result({"success": True})
         yield
         page.take(PAUSE, 0)
         yield
@@ -291,6 +291,54 @@ def test_wrong_content_is_told_and_frees_the_call(gateway):
     answers = run(gateway, acts)
     assert all("bad: unknown field" in (a.get("values") or a.get("msg")) for a in answers)
     assert len(answers) == 21
+
+
+# Actions -----------------------------------------------------------------------------------
+
+
+def limits_set(*names):
+    parameters = [{"name": name, "value": {"type": 3, "double_value": 20.0}} for name in names]
+    return text("call_service", service="/therapy_session/set_parameters",
+                args={"parameters": parameters})  # fmt: skip
+
+
+@pytest.mark.parametrize(("asked", "answer", "action"), [
+    (PAUSE, {"success": True}, ("pause", False)),
+    (PAUSE, {"success": False, "message": "P-7K3QX: no"}, ("pause", True)),
+    (PAUSE, ServiceError("nobody"), ("pause", True)),
+    (text("call_service", service="/supervisor/estop"), {"success": True}, ("estop", False)),
+    (limits_set("support.force"), {"results": [{"successful": True}]},
+     ("set support.force", False)),
+    (limits_set("wish.low", "wish.high"),
+     {"results": [{"successful": True}, {"successful": False}]}, ("set wish.low wish.high", True)),
+    (limits_set("wish.low"), ValueError("value: unknown field"), ("set_parameters", True)),
+    (text("call_service", service="/therapy_session/get_parameters", args={"names": ["wish.low"]}),
+     {"values": []}, None),
+])  # fmt: skip
+def test_what_a_call_was_for_and_how_it_ended_is_an_action(gateway, asked, answer, action):
+    """Without values, and without the sentence of a refusal, which may name somebody."""
+    def acts(page):
+        page.take(asked, 0)
+        yield
+        ((_, _, future),) = gateway.calls
+        fails = isinstance(answer, Exception)
+        (future.set_exception if fails else future.set_result)(answer)
+        yield
+
+    (told,) = run(gateway, acts)
+    assert told["result"] is not isinstance(answer, Exception)
+    assert gateway.actions == ([("/", THERAPIST, *action)] if action else [])
+
+
+def test_what_the_patient_touches_and_presses_is_an_action_of_his_page(gateway):
+    page = client(gateway, PATIENT)
+    page.take(text("publish", topic="/therapy/answer", msg={"data": 19}), 0)
+    page.take(text("publish", topic="/therapy/action", msg={"msg": "language"}), 0)
+    for wrong in ({"msg": "fresh"}, {"msg": "Erika Mustermann"}, {"msg": "stop"}, {"name": "back"}):
+        page.take(text("publish", topic="/therapy/action", msg=wrong), 0)
+    assert [told["level"] for told in sent(page)] == ["error"] * 4
+    assert gateway.actions == [("/", PATIENT, "answer", False), ("/", PATIENT, "language", False)]
+    assert gateway.published == [("/therapy/answer", {"data": 19})], "the page writes no Log"
 
 
 # Bounds ------------------------------------------------------------------------------------

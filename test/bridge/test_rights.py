@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
+from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.bridge.rights import (
     CALL,
     LIMITS,
     PATIENT,
     PATIENTS_STOP,
+    PRESSES,
     PUBLISH,
     ROLES,
     SERVICES,
@@ -17,6 +21,7 @@ from screw_module_ros.bridge.rights import (
     THERAPIST,
     Denied,
     Rights,
+    pressed,
 )
 
 
@@ -132,3 +137,23 @@ def test_types_are_meant_by_either_spelling():
     for kind in ("screw_module_msgs/Other", "EndpointState", "std_msgs/String"):
         with pytest.raises(Denied, match="has the type screw_module_msgs/msg/EndpointState"):
             rights.may(PATIENT, SUBSCRIBE, name, kind)
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_page_tells_of_its_own_buttons_and_of_nothing_typed(role):
+    for name in PRESSES[role]:
+        assert pressed(role, {"msg": name}) == name
+    of_others = {name for other in ROLES for name in PRESSES[other]} - set(PRESSES[role])
+    wrong = (None, ["back"], "Erika Mustermann", *of_others)
+    for content in ("fruit", None, {}, *({"msg": each} for each in wrong)):
+        with pytest.raises(Denied, match="msg is one of"):
+            pressed(role, content)
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_each_named_button_of_a_page_is_one_that_it_may_tell_of(role):
+    files = [FOLDER / f"{role}.html", *(FOLDER / "js" / role).glob("*.js")]
+    told = "".join(file.read_text("utf-8") for file in files)
+    named = set(re.findall(r'<button[^>]* name="(\w+)"|"button", \{ name: "(\w+)"', told))
+    chosen = {"fruit", "free"} if role == PATIENT else set()  # made in a loop
+    assert {"".join(each) for each in named} | chosen == set(PRESSES[role])

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from types import SimpleNamespace
 
 import pytest
+from rcl_interfaces.msg import Log
 from screw_module_msgs.msg import TherapyState
 
 from screw_module_ros.bridge.client import ServiceError
@@ -102,16 +103,27 @@ RESUME = "/therapy_session/resume"
 class Sent:
     """Publishers and clients of a node; ready: whether the services are offered.
 
-    looks: of the gateway, at whether they are; later: called at each of them.
+    looks: of the gateway, at whether they are; later: called at each of them. states: of a session,
+    that the gateway takes with its next look; actions: what it has published of them.
     """
 
     def __init__(self):
         self.words, self.requests, self.ready, self.looks = [], [], True, 0
         self.later = lambda looks: None
+        self.states: list[TherapyState] = []
+        self.actions: list[str] = []
         self.gateway = BridgeGateway(self, Rights(["/"]), 0.01)
 
     def create_publisher(self, kind, topic, profile):
-        return SimpleNamespace(msg_type=kind, publish=lambda message: self.words.append(topic))
+        def publish(message):
+            self.words.append(topic)
+            if isinstance(message, Log):
+                self.actions.append(f"{message.name} {message.msg} {message.level}")
+
+        return SimpleNamespace(msg_type=kind, publish=publish)
+
+    def stamp(self, log):
+        """It is always the same time."""
 
     def create_client(self, kind, service):
         future = Future()
@@ -124,8 +136,18 @@ class Sent:
             remove_pending_request=lambda future: None,
         )
 
-    def create_subscription(self, *given, **more):
-        return None
+    def create_subscription(self, kind, name, *given, **more):
+        def take_message(kind, raw):
+            waits = kind is TherapyState and self.states
+            return (self.states.pop(0), {"received_timestamp": 0}) if waits else None
+
+        return SimpleNamespace(handle=SimpleNamespace(take_message=take_message))
+
+    def look_after(self, *states, times=1):
+        """Let the gateway poll some times, after a session has told its states."""
+        self.states += states
+        for _ in range(times):
+            self.gateway.poll()
 
     def look(self):
         self.looks += 1
@@ -144,6 +166,43 @@ def sent(monkeypatch):
     monkeypatch.setattr(bridge_gateway, "_CHECK_S", 0.0)
     monkeypatch.setattr(bridge_gateway, "is_served", lambda _, client: client.service_is_ready())
     return Sent()
+
+
+def test_actions_wait_for_the_bag_of_a_session(sent):
+    """The start itself is done before the recording begins, and so is what was refused before."""
+    act, recorded = sent.gateway.act, TherapyState(state=TherapyState.RUNNING, recorded=True)
+    sent.look_after()
+    act("/", "therapist", "start", True)
+    sent.look_after(TherapyState(state=TherapyState.IDLE))
+    act("/", "therapist", "start")
+    act("/", "patient", "language")
+    sent.look_after(TherapyState(state=TherapyState.STARTING), times=5)
+    assert sent.actions == []
+    sent.look_after(recorded)
+    assert sent.actions == ["patient language 20", "therapist start 30"], "one of each page"
+    sent.look_after(times=5)
+    assert sent.actions[2:] == ["therapist start 20"]
+    act("/", "therapist", "abort")
+    sent.look_after(TherapyState(state=TherapyState.ABORTED, recorded=True))
+    assert sent.actions[3:] == ["therapist abort 20"]
+
+
+@pytest.mark.parametrize("state", [TherapyState.RUNNING, TherapyState.PAUSED])
+def test_actions_of_a_session_without_a_recording_come_into_no_other_bag(sent, state):
+    sent.gateway.act("/", "therapist", "start")
+    sent.look_after(TherapyState(state=state))
+    sent.look_after(TherapyState(state=TherapyState.RUNNING, recorded=True), times=3)
+    assert sent.actions == []
+
+
+def test_a_flood_of_actions_fills_no_bag_and_hides_none_of_another_page(sent):
+    """Of a page the newest hundred wait, and one goes out with each look."""
+    for number in range(5000):
+        sent.gateway.act("/", "patient", f"{number}")
+        sent.gateway.act("/", "therapist", "pause") if number == 0 else None
+    sent.look_after(TherapyState(state=TherapyState.RUNNING, recorded=True), times=5000)
+    assert sent.actions[:2] == ["patient 4900 20", "therapist pause 20"]
+    assert len(sent.actions) == 101 and sent.actions[-1] == "patient 4999 20"
 
 
 def test_a_call_waits_until_its_node_is_found(sent):

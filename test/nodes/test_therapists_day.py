@@ -7,6 +7,8 @@ is then looked for in bag, index and report.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 from contextlib import closing
@@ -186,6 +188,22 @@ def test_what_each_patient_told_is_kept(day, tmp_path, patient, pain, told, said
     assert dict(scores).get("went_on") == said
     assert main(["report", str(day.folder), "--patient", patient, "--out", str(tmp_path)]) == 0
     assert re.search(told, (tmp_path / patient / "report.html").read_text())
+
+
+def test_what_was_done_at_the_pages_is_in_each_bag(day, capsys):
+    """From the pseudonym on: what came before the recording began is in its bag too."""
+    assert main(["actions", str(day.folder)]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    of = {who: [(row["page"], row["action"]) for row in rows if row["patient"] == who]
+          for who in day.bags}  # fmt: skip
+    for own in of.values():
+        assert own.index(("therapist", "count")) < own.index(("therapist", "start"))
+        assert [own.count(("patient", "answer")) >= 2, own.count(("therapist", "start"))] == [1, 1]
+    assert of[STOPS].count(("therapist", "resume")) == 2
+    assert ("patient", "pause_by_patient") in of[STOPS] and ("therapist", "abort") in of[SPASM]
+    times = [float(row["seconds"]) for row in rows if row["action"] in ("start", "resume")]
+    assert len(times) == 5 and min(times) >= 0.0
+    assert {row["outcome"] for row in rows} <= {"", "undone"}
 
 
 @pytest.mark.parametrize("patient", [RESTS, STOPS, SPASM])

@@ -9,6 +9,7 @@ import math
 from datetime import datetime
 from pathlib import Path
 
+from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from screw_module_msgs.msg import (
     EndpointState,
@@ -38,13 +39,14 @@ def _definition(kind: str):
 def small_bag(
     folder: Path, patient: str = "P-7K3QX", begin_s: float = MARCH, reaches=(), side: str = "left",
     acts=((State.RUNNING, ""), (State.FINISHED, "")), definition: str = "", closed: bool = True,
-    hand_off=(), software: str = "0.1.0 0123456789ab",
+    hand_off=(), actions=(), software: str = "0.1.0 0123456789ab",
 ) -> Path:  # fmt: skip
     """Write a bag below a folder, named as a session's node names it; return it.
 
     reaches: fields of TrialResult, each an unassisted reach of 1 s, one each 2 s; acts: states with
     their reasons, at the beginning and after; closed: False leaves it unfinished; hand_off: times
-    after the beginning [s], with whether the hand is off then; software: as safety_state tells it.
+    after the beginning [s], with whether the hand is off then; actions: time after the
+    beginning [s], page, action and level of each; software: as safety_state tells it.
     """
     begun = datetime.fromtimestamp(begin_s).astimezone()
     name = f"{patient}_clock_adaptive_{begun:%Y_%m_%d-%H_%M_%S}"
@@ -58,7 +60,8 @@ def small_bag(
         if topic not in channels:
             channels[topic] = bag.add_topic(Topic(f"/{topic}", kind, _definition(kind)))
         at = round((begin_s + after_s) * _S)
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(at, _S)
+        stamp = message.stamp if isinstance(message, Log) else message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(at, _S)
         bag.write([Message(channels[topic], at, at, 0, bytes(serialize_message(message)))])
 
     tell(graph.ENDPOINT_STATE, 0.0, EndpointState())
@@ -66,6 +69,8 @@ def small_bag(
     tell(graph.CONTROLLER_STATE, 0.0, ImpedanceState(law="force 1.0", calibration="SIM-0001"))
     for after_s, is_off in hand_off:
         tell(graph.CONTROLLER_STATE, after_s, ImpedanceState(hand_off=is_off))
+    for after_s, page, action, level in actions:
+        tell(graph.THERAPY_ACTION, after_s, Log(name=page, msg=action, level=level))
     for number, (state, reason) in enumerate(acts):
         tell(graph.THERAPY_STATE, 1.0 + 1e-3 * number, TherapyState(
             state=state, reason=reason, patient=patient, side=side, state_since=number + 1,

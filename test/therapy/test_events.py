@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events of sessions for an investigator's form."""
+"""Events of sessions for an investigator's form, and what people did at the pages."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import csv
 import io
 from datetime import datetime
 
+import pytest
+from rcl_interfaces.msg import Log
 from small_bag import MARCH, small_bag
 
 from screw_module_ros.session_command import main
@@ -64,3 +66,38 @@ def test_of_one_patient_alone_and_who_asked_is_noted(tmp_path, capsys):
     assert one["patient"] == "P-9M4TR"
     assert main(["access", str(tmp_path)]) == 0
     assert "events P-9M4TR" in capsys.readouterr().out
+
+
+DONE, REFUSED = Log.INFO, Log.WARN
+ACTIONS = [
+    (-59.0, "therapist", "count", DONE), (-30.0, "therapist", "start", REFUSED),
+    (-3.0, "patient", "language", DONE), (-2.0, "therapist", "start", DONE),
+    (1.001, "patient", "pause_by_patient", DONE), (8.0, "therapist", "resume", REFUSED),
+    (9.0, "therapist", "resume", DONE), (20.0, "therapist", "set support.force", DONE),
+    (25.0, "therapist", "pause", DONE), (26.0, "therapist", "set support.force", DONE),
+    (34.0, "therapist", "resume", DONE), (50.0, "therapist", "rest", DONE),
+    (61.0, "therapist", "resume", REFUSED), (70.0, "therapist", "abort", DONE),
+]  # fmt: skip
+OUTCOMES = [
+    ("", ""), ("refused", ""), ("", ""), ("", "57.0"), ("", ""), ("refused", ""), ("", "8.0"),
+    ("undone", ""), ("undone", ""), ("", ""), ("", "33.0"), ("", ""), ("refused", ""), ("", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("of_bag", [True, False])
+def test_each_action_tells_what_became_of_it_and_how_long_its_task_took(tmp_path, capsys, of_bag):
+    bag = small_bag(tmp_path, acts=ACTS[:2], actions=ACTIONS)
+    assert main(["actions", str(bag if of_bag else tmp_path)]) == 0
+    found = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    told = [(each["page"], each["action"]) for each in found]
+    assert told == [(page, action) for _, page, action, _ in ACTIONS]
+    assert [(each["outcome"], each["seconds"]) for each in found] == OUTCOMES
+    assert [each["minute"] for each in found][:5] == ["-1.0", "-0.52", "-0.07", "-0.05", "0.0"]
+    assert {each["bag"] for each in found} == {str(bag) if of_bag else bag.name}
+
+
+def test_a_bag_of_an_older_version_has_no_actions(tmp_path, capsys):
+    assert main(["actions", str(small_bag(tmp_path))]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "patient,begun,minute,page,action,outcome,seconds,bag"
+    ]

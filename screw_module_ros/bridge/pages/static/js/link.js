@@ -171,6 +171,15 @@ export function named(robot, name) {
   return `${robot === "/" ? "" : robot}/${name}`;
 }
 
+// Tells which button of an element was pressed, for the action log: those that have a name, as they ask
+// nothing of the robot; the bridge tells of the others itself. Before the button acts: it may load the page anew.
+export function tellPresses(element, tell) {
+  element.addEventListener("click", ({ target }) => {
+    const { name } = target.closest("button") ?? {};
+    if (name) tell("therapy/action", { msg: name });
+  }, true);
+}
+
 // The token comes behind the # of the address, which a browser sends to nobody. It is kept for this
 // tab, so that a reload works, and taken out of the address bar, where others could read it.
 export function ownToken() {

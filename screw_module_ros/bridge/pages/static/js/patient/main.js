@@ -5,7 +5,7 @@ import { Awake, makeFullScreen } from "../awake.js";
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, STARTING, chosenRobot, configurationAtLast,
-  isResting, isUnderWay, isWeighed, named, ownToken,
+  isResting, isUnderWay, isWeighed, named, ownToken, tellPresses,
 } from "../link.js";
 import { Sound } from "../sound.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
@@ -294,7 +294,7 @@ function makeButtons() {
   ]) {
     const onclick = () => choose(make());
     const icon = el("canvas", { width: 240, height: 200 });
-    $("choices").append(el("button", { id, type: "button", onclick }, icon, SCREEN[id]));
+    $("choices").append(el("button", { id, name: id, type: "button", onclick }, icon, SCREEN[id]));
   }
   $("hand").onclick = () => chooseHand(world.side === "left" ? "right" : "left");
   chooseHand(sessionStorage.getItem("hand") === "left" ? "left" : "right");
@@ -320,6 +320,7 @@ async function main() {
   });
   bridge.subscribe(named(robot, "endpoint_state"), hearEndpoint);
   bridge.subscribe(named(robot, "therapy/state"), hearState);
+  tellPresses(document, (topic, message) => bridge.publish(named(robot, topic), message));
   bridge.connect();
 }
 

@@ -3,7 +3,7 @@
 
 import { Awake } from "../awake.js";
 import { el, say } from "../draw.js";
-import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
+import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken, tellPresses } from "../link.js";
 import { Desk } from "../record/desk.js";
 import { Sound } from "../sound.js";
 import {
@@ -48,6 +48,7 @@ export class RobotPanel {
         el("div", { className: "about" }, ...(config.robots.length > 1 ? [el("h2", {}, robotTitle(robot))] : []),
           this.badge, this.sentence, this.reasons), this.stop),
       column(this.session, this.limits), column(this.views, this.traces), column(this.support, this.machine, this.movements));
+    tellPresses(this.element, (topic, message) => bridge.publish(named(robot, topic), message));
     this.hear("endpoint_state", (message) => {
       this.views.take(message);
       this.traces.take(message);

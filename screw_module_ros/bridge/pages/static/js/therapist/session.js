@@ -45,8 +45,8 @@ export class SessionCard {
       this.patient.value = cleaned(this.patient.value);
       this.count();
     };
-    this.new = el("button", { type: "button", onclick: () => this.fresh() }, PAGE.fresh);
-    this.again = el("button", { type: "button", hidden: true, onclick: () => this.sameAgain() });
+    this.new = el("button", { name: "fresh", type: "button", onclick: () => this.fresh() }, PAGE.fresh);
+    this.again = el("button", { name: "again", type: "button", hidden: true, onclick: () => this.sameAgain() });
     this.protocol = el("select", { ariaLabel: PAGE.protocol }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
     this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
