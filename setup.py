@@ -44,6 +44,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.*"))),
         (f"share/{NAME}/params/devices", sorted(glob("params/devices/*.yaml"))),
+        (f"share/{NAME}/params/games", sorted(glob("params/games/*.yaml"))),
         (f"share/{NAME}/params/therapy", sorted(glob("params/therapy/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
         (f"share/{NAME}/urdf", sorted(glob("urdf/*.*"))),

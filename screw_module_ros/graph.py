@@ -130,6 +130,7 @@ THERAPY_WISH = "therapy/wish"
 THERAPY_ATTENDANCE = "therapy/attendance"
 THERAPY_ANSWER = "therapy/answer"
 THERAPY_ACTION = "therapy/action"
+THERAPY_SCORE = "therapy/score"
 THERAPY_STATE = "therapy/state"
 THERAPY_TRIAL = "therapy/trial"
 THERAPY_ASSISTANCE = "therapy/assistance"
@@ -180,6 +181,7 @@ _TOPICS = (
     Topic(THERAPY_ANSWER, "std_msgs/msg/UInt8", "command", "web_bridge", 0.0,
           ("therapy_session",)),
     Topic(THERAPY_ACTION, "rcl_interfaces/msg/Log", "state", "web_bridge", 0.0),
+    Topic(THERAPY_SCORE, "std_msgs/msg/Float64", "command", "", 0.0, ("therapy_session",)),
     Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0,
           ("web_bridge", "sim_rig")),
     Topic(THERAPY_TRIAL, _OURS + "TrialResult", "state", "therapy_session", 0.0,

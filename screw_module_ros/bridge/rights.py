@@ -16,8 +16,8 @@ from .. import graph
 PATIENT, THERAPIST = "patient", "therapist"
 SUBSCRIBE, PUBLISH, CALL = "subscribe", "publish", "call"
 WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
-ANSWER = graph.THERAPY_ANSWER
-"""A number that the patient touches."""
+ANSWER, SCORE = graph.THERAPY_ANSWER, graph.THERAPY_SCORE
+"""A number that the patient touches, and how well he plays."""
 ACTION = graph.THERAPY_ACTION
 """What a person did at a page: of calls and answers the bridge tells it, of `PRESSES` the page."""
 STOP = "supervisor/estop"
@@ -54,13 +54,13 @@ so that nothing typed gets into a bag."""
 
 _STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
 ROLES = {
-    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (ANSWER, ACTION), CALL: (PATIENTS_STOP,)},
+    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (ANSWER, SCORE, ACTION), CALL: (PATIENTS_STOP,)},
     THERAPIST: {
         SUBSCRIBE: (
             *_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE,
             graph.CONTROLLER_STATE, graph.AMPLIFIER_STATE,
         ),
-        PUBLISH: (WISH, ATTENDANCE, ANSWER, ACTION),
+        PUBLISH: (WISH, ATTENDANCE, ANSWER, SCORE, ACTION),
         CALL: tuple(SERVICES),
     },
 }

@@ -13,6 +13,7 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
@@ -21,7 +22,7 @@ from ..clock import Clock
 from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
 from .listener import Listener
-from .pages import FOLDER, PAGES, SECURITY_HEADERS
+from .pages import FOLDER, GAME_POLICY, PAGES, POLICY, SECURITY_HEADERS
 from .record_desk import RecordDesk
 from .rights import THERAPIST, Rights
 from .settings import Limits, Listening
@@ -32,6 +33,8 @@ _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
 _END_S = 0.5
 _WATCH_NS = 1_000_000_000  # how soon a token that was taken away ends
 _FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
+
+_GAMES = "/games/"  # their pages; who sees one has no right yet
 
 _SILENT = logging.getLogger(f"{__name__}.aiohttp")  # its errors quote the request
 _SILENT.disabled = True
@@ -52,15 +55,16 @@ class Server:
     """Serves from `start` to `close`, in the asyncio loop that runs both, while `turn` is called.
 
     tokens: returns those of now, by whom they belong to; raises TokenError. record: closed with it.
-    log: takes a sentence. config: content of /config.json. cut_off: number of disconnected clients.
-    refused: number of refused requests.
+    log: takes a sentence. config: content of /config.json. games: folder of their pages. cut_off:
+    number of disconnected clients. refused: number of refused requests.
     """
 
     def __init__(
         self, listening: Listening, limits: Limits, tokens: Callable[[], Mapping[str, str]],
         rights: Rights, gateway: Gateway, record: RecordDesk, clock: Clock, config: dict,
-        log: Callable[[str], None] = lambda sentence: None,
+        log: Callable[[str], None] = lambda sentence: None, games: Path | None = None,
     ):  # fmt: skip
+        self._games = games
         self.limits = limits
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
@@ -82,7 +86,9 @@ class Server:
         for path in ("/record/{what}", "/record/{patient}/{what}"):
             app.router.add_route("*", path, self._recorded)
         app.router.add_static("/static/", FOLDER, follow_symlinks=False)
-        app.on_response_prepare.append(_add_headers)
+        if self._games is not None and self._games.is_dir():
+            app.router.add_static(_GAMES, self._games, follow_symlinks=False)
+        app.on_response_prepare.append(self._add_headers)
         self._runner = web.AppRunner(
             app, access_log=None, logger=_SILENT, handle_signals=False, shutdown_timeout=_END_S
         )
@@ -279,6 +285,16 @@ class Server:
             await asyncio.wait_for(farewell(), self.limits.patience)
         connection.transport.abort()
 
+    async def _add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
+        origins = [each.get("origin", "") for each in self._config["protocols"]]
+        policy = " ".join([SECURITY_HEADERS[POLICY], *filter(None, origins)])
+        response.headers.update({**SECURITY_HEADERS, POLICY: policy})
+        if request.path.startswith(_GAMES):
+            response.headers[POLICY] = GAME_POLICY
+        if not isinstance(response, web.WebSocketResponse):
+            response.force_close()  # so what stays open has made no request
+            response.headers["Connection"] = "close"  # aiohttp has decided on this one before
+
     def _count_cut_off(self, connection: Connection, why: str) -> None:
         self.cut_off += 1
         self._log(f"cut off a {connection.client.role}'s page: {why}")
@@ -289,10 +305,3 @@ def _page(name: str) -> Callable:
         return web.FileResponse(FOLDER / name)
 
     return serve
-
-
-async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
-    response.headers.update(SECURITY_HEADERS)
-    if not isinstance(response, web.WebSocketResponse):
-        response.force_close()  # so what stays open has made no request
-        response.headers["Connection"] = "close"  # aiohttp has decided on this one before

@@ -2,9 +2,10 @@
 """The eyes of the simulated patient: where he moves his hand by what the robot is asked for.
 
 In a therapy session he sees the start and the target of each trial, or the circle; while his arm
-is weighed he lets it hang. Without one he sees the point that a game wishes (`therapy/wish`), or
-the set point of whoever publishes it, as far as a game may pull. How much of it he does, and how
-fast, are traits of his arm. None of it reaches the devices of the rig: only his hand does.
+is weighed he lets it hang. Without one, or where it is a game, he sees the point that a game wishes
+(`therapy/wish`), or the set point of whoever publishes it, as far as a game may pull. How much of
+it he does, and how fast, are traits of his arm. None of it reaches the devices of the rig: only his
+hand does.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from screw_module_ros.plant.patient import (
     Triple,
     on_circle,
 )
-from screw_module_ros.therapy.protocol import CIRCLE, WEIGH
+from screw_module_ros.therapy.protocol import CIRCLE, GAME, WEIGH
 from screw_module_ros.therapy.wishes import SILENT_NS, WishLimits
 
 from .support.node import Node
@@ -71,7 +72,8 @@ class SimulatedPatient:
             values = self._held or (0.0, 0.0)
             self._held = (arm.tension, arm.carried) if hangs else ()
             self._send(ArmSettings(traits=("tension", "carried"), values=values))
-        if state.state != TherapyState.RUNNING or arm.follows == 0.0:
+        is_asked = state.state == TherapyState.RUNNING and state.kind != GAME
+        if not is_asked or arm.follows == 0.0:
             return
         self._trial_ns, self._goal = self._clock.now_ns(), None
         trial, point = _asked(state, arm)

@@ -6,7 +6,7 @@ independent of ROS and of the clock, decides on the course of the session. When 
 dies, the controllers fade out its slot, because nothing renews it. The node never switches torque.
 
 Games request set points by `therapy/wish`. The node passes them on within the workspace, no faster
-than `wish.speed`, and only while no session runs and `allow_wishes` is true.
+than `wish.speed`, and only while no session but that of a game runs and `allow_wishes` is true.
 
 A therapist's page publishes `therapy/attendance`; a session that has received it pauses without it.
 """
@@ -36,6 +36,7 @@ from screw_module_ros.therapy.hand import PLANE, SPACE, VERTICAL, HandSample, Po
 from screw_module_ros.therapy.line import NO_SLOT, SlotWish
 from screw_module_ros.therapy.protocol import STRENGTH, Protocol
 from screw_module_ros.therapy.protocol_file import (
+    GAMES,
     SHIPPED,
     AssistanceLimits,
     allowed_protocol,
@@ -86,10 +87,10 @@ class TherapySettings(NamedTuple):
     """Limits of the requests of games and therapist."""
 
     folder: Annotated[
-        str, Setting("folder of your own protocols, ~ is the home folder")
+        str, Setting("folder of your own protocols and games, ~ is the home folder")
     ] = "~/protocols"
     allow_wishes: Annotated[
-        bool, Setting("pass on set points of therapy/wish while no session runs", live=True)
+        bool, Setting("pass on wishes of games, while no session but a game runs", live=True)
     ] = True
     rest_height: Annotated[
         float, Setting("to which ~/lower leads the arm", "m", 0.0, 0.36, live=True)
@@ -183,6 +184,7 @@ class TherapySessionNode(Node):
         self._take_controller = inbox.subscribe(*requested(graph.CONTROLLER_STATE))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._take_answer = inbox.subscribe(*requested(graph.THERAPY_ANSWER))
+        self._take_score = inbox.subscribe(*requested(graph.THERAPY_SCORE))
         self._recording.connect(inbox)
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
@@ -275,8 +277,13 @@ class TherapySessionNode(Node):
             self._lower()
 
     def _ask(self, now_ns: int) -> None:
-        """Take the patient's answer, keep what was told, and begin a session that waited for it."""
+        """Take the patient's answer, keep what was told, and begin a session that waited for it.
+
+        Take a game's score, too.
+        """
         asked, session = self.course.asked, self.course.session
+        if (score := self._take_score()) is not None and session is not None:
+            session.score(score.data)
         if (answer := self._take_answer()) is not None:
             asked.answer(answer.data)
         asked.follow(now_ns)
@@ -367,7 +374,8 @@ class TherapySessionNode(Node):
             state.definition, course.definition = course.definition, ""
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
-        is_free = not (self.course.is_under_way or self.course.arm.weighing or ends)
+        plays = self.course.session is not None and self.course.session.plays
+        is_free = not (self.course.is_under_way or self.course.arm.weighing or ends) or plays
         allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, self.course.hand(now_ns), now_ns)
 
@@ -376,7 +384,7 @@ class TherapySessionNode(Node):
         name = self._named(request.protocol)
         protocol, definition = allowed_protocol(
             protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
-            self.parameters.read(WishLimits, "wish"), request.side,
+            self.parameters.read(WishLimits, "wish"), request.side, request.level, request.minutes,
         )  # fmt: skip
         return self.requests.ask(
             lambda: self._begin_session(protocol, definition, patient, request)
@@ -442,7 +450,7 @@ class TherapySessionNode(Node):
 
     def _named(self, protocol: str) -> str:
         """Return one of the package's protocols, or the path of a file below `folder`."""
-        if protocol in SHIPPED:
+        if protocol in (*SHIPPED, *GAMES):
             return protocol
         root = root_folder(self.parameters.read(TherapySettings).folder)
         return str(below(root, protocol, "protocol"))

@@ -26,7 +26,7 @@ from screw_module_ros.bridge.tokens import token_file, tokens_in
 from screw_module_ros.clock import WallClock
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.measures import MEASURES
-from screw_module_ros.therapy.protocol_file import protocols_for_screens
+from screw_module_ros.therapy.protocol_file import GAME_FOLDER, protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
 from .support.node import Node
@@ -43,8 +43,8 @@ class BridgeSettings(NamedTuple):
         tuple[str, ...], Setting("namespaces of the robots, empty = the bridge's", at_start=True)
     ] = ("",)
     folder: Annotated[
-        str, Setting("folder of your own protocols, as in therapy_session; ~ is the home folder",
-                     at_start=True),
+        str, Setting("folder of your own protocols and games, as in therapy_session; ~ is the home "
+                     "folder", at_start=True),
     ] = "~/protocols"  # fmt: skip
     recordings: Annotated[
         str, Setting("folder of all bags, as `folder` of session_recorder: the record of patients",
@@ -75,7 +75,9 @@ class WebBridgeNode(Node):
         self.opened.callback(self._gateway.close)
         self._loop = asyncio.new_event_loop()
         self.opened.callback(self._loop.close)
-        protocols = protocols_for_screens(root_folder(settings.folder), self.get_logger().warning)
+        own = root_folder(settings.folder)
+        self._games = own / GAME_FOLDER
+        protocols = protocols_for_screens(own, self.get_logger().warning)
         robots, measures = list(self._rights.robots), measures_for_screens()
         self._config = {"robots": robots, "protocols": protocols, "measures": measures}
 
@@ -84,7 +86,7 @@ class WebBridgeNode(Node):
         self._server = Server(
             self._listens_at, self._limits, partial(tokens_in, self._token_file(), makes=False),
             self._rights, self._gateway, RecordDesk(self._folder, self.get_logger().warning),
-            WallClock(), self._config, self.get_logger().warning,
+            WallClock(), self._config, self.get_logger().warning, self._games,
         )  # fmt: skip
         try:
             self._loop.run_until_complete(self._server.start())

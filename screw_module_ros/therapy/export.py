@@ -26,8 +26,8 @@ LEADING = (
 """Columns of trials.csv in front of the figures; started: ISO 8601, local time with its offset.
 Behind them stands the session, a patient's first one is 1."""
 SESSION = (
-    "patient", "session", "side", "protocol", "protocol_sha256", "started", "simulated", "outcome",
-    "stops", "trials", "support", "arm_weight", "robot", "software", "law",
+    "patient", "session", "side", "protocol", "level", "protocol_sha256", "started", "simulated",
+    "outcome", "stops", "trials", "minutes", "support", "arm_weight", "robot", "software", "law",
 )  # fmt: skip
 SCORE = ("patient", "at", "scale", "value")
 BOM = "\ufeff"

@@ -28,7 +28,7 @@ from .kinematics import (
     speed_peaks,
     time_in_motion,
 )
-from .protocol import CIRCLE, HOLD, KINDS, REACH, RESISTED, STRENGTH
+from .protocol import CIRCLE, GAME, HOLD, KINDS, REACH, RESISTED, STRENGTH
 from .smoothness import JERK_CUTOFF, dimensionless_jerk, log_dimensionless_jerk, sparc
 
 Row = dict[str, Any]
@@ -109,13 +109,14 @@ class Measure(NamedTuple):
 
         What only trials with a movement have, is NaN where the hand did not move.
         """
-        missing = trial.cut is None and set(self.kinds) <= set(MOVED)
+        missing = trial.cut is None and set(self.kinds) <= set(PLAYED)
         if missing or trial.kind not in self.kinds or self.of is None:
             return math.nan
         return self.of(trial)
 
 
 MOVED, LINED = (REACH, CIRCLE, RESISTED), (REACH, RESISTED)
+PLAYED, TESTED = (*MOVED, GAME), (*MOVED, HOLD, STRENGTH)
 _SMOOTH = "It depends on the sampling rate, which the report states. Nearer to zero is smoother."
 _MOVEMENT = "from the first to the last sample above a tenth of the peak speed"
 
@@ -129,27 +130,27 @@ MEASURES = (
         "The hand came within the hit radius of the target before the time limit of the trial.",
     ),
     Measure(
-        "pm2a", "power while behind the wall", "W", 1.0, KINDS, _power_behind,
+        "pm2a", "power while behind the wall", "W", 1.0, TESTED, _power_behind,
         "Mean of handle force times velocity along the line, over the samples in which the hand "
         "was behind the back wall; the force is the patient's on the robot, so it is negative "
         "where the robot moved the hand (Krebs et al. 2003).",
     ),
     Measure(
-        "pm2b", "lead over the wall", "mm", 1e3, KINDS, lambda t: _mean(t.leads),
+        "pm2b", "lead over the wall", "mm", 1e3, TESTED, lambda t: _mean(t.leads),
         "Mean of the hand's way along the line minus the back wall's, from start to end of the "
         "movement; after its duration the wall stays at the target.",
     ),
     Measure(
-        "pm3", "mean square off the line", "mm²", 1e6, KINDS,
+        "pm3", "mean square off the line", "mm²", 1e6, TESTED,
         lambda t: _mean([t.line.off(s.position) for s in t.during]),
         "Mean of the squared distance from the straight line, from start to end of the movement.",
     ),
     Measure(
-        "pm4", "way along the line", "mm", 1e3, KINDS, _farthest,
+        "pm4", "way along the line", "mm", 1e3, TESTED, _farthest,
         "Farthest the hand came along the line.",
     ),
     Measure(
-        "duration", "duration", "s", 1.0, MOVED, lambda t: t.speed.size / t.rate,
+        "duration", "duration", "s", 1.0, PLAYED, lambda t: t.speed.size / t.rate,
         f"Time {_MOVEMENT}.",
     ),
     Measure(
@@ -158,11 +159,11 @@ MEASURES = (
         "From the display of the target to the movement's first sample.",
     ),
     Measure(
-        "mean_speed", "mean speed", "mm/s", 1e3, MOVED, lambda t: float(t.speed.mean()),
+        "mean_speed", "mean speed", "mm/s", 1e3, PLAYED, lambda t: float(t.speed.mean()),
         f"Mean speed {_MOVEMENT}.",
     ),
     Measure(
-        "peak_speed", "peak speed", "mm/s", 1e3, MOVED, lambda t: float(t.speed.max()),
+        "peak_speed", "peak speed", "mm/s", 1e3, PLAYED, lambda t: float(t.speed.max()),
         "Largest speed of the movement.",
     ),
     Measure(
@@ -214,7 +215,7 @@ MEASURES = (
         "target that was reached slowly, for instance by the push of the robot's wall afterwards.",
     ),
     Measure(
-        "robot_share", "robot's share of the work", "%", 100.0, MOVED,
+        "robot_share", "robot's share of the work", "%", 100.0, PLAYED,
         lambda t: ratio(t.work[1], t.work[0] + t.work[1]),
         "Work that the robot did on the hand over all work across the handle in both directions, "
         "on the protocol's axes. It includes mass and friction of the robot, so it is not zero "
@@ -229,11 +230,11 @@ MEASURES = (
         "or less, whoever reaches that slowly by himself about 100 %. Judged on the plane alone.",
     ),
     Measure(
-        "patient_work", "work of the patient", "J", 1.0, MOVED, lambda t: t.work[0],
+        "patient_work", "work of the patient", "J", 1.0, PLAYED, lambda t: t.work[0],
         "Positive part of handle force times velocity, over time.",
     ),
     Measure(
-        "robot_work", "work of the robot", "J", 1.0, MOVED, lambda t: t.work[1],
+        "robot_work", "work of the robot", "J", 1.0, PLAYED, lambda t: t.work[1],
         "Negative part of handle force times velocity, over time.",
     ),
     Measure(
@@ -270,11 +271,17 @@ MEASURES = (
         "the hand's samples, so a replay does not compute it again.",
     ),
     Measure(
+        "score", "score of the game", "%", 100.0, (GAME,), None,
+        "What the game told last in this minute of how well the patient played. Each game says "
+        "what it means by that, so scores of two games, or of two levels, do not compare. A replay "
+        "does not compute it again.",
+    ),
+    Measure(
         "missing", "samples lost", "", 1.0, KINDS, None,
         "Missing samples between a trial's first and last one.",
     ),
 )  # fmt: skip
-DEFINITIONS = 2
+DEFINITIONS = 3
 """Number of this table, raised when a column means something else, or the record keeps it
 otherwise: the record is made again."""
 BY_NAME = {measure.name: measure for measure in MEASURES}
@@ -282,7 +289,7 @@ COMPUTED = tuple(measure.name for measure in MEASURES if measure.of is not None)
 COLUMNS = (
     "trial", "block", "circuit", "kind", "assisted", "slot_duration", "side_stiffness",
     "initiated", "reached", "moved", "first", "last", "samples", "missing", "rate", "support",
-    *COMPUTED,
+    "score", *COMPUTED,
 )  # fmt: skip
 """Fields of a result without its points and stamps, in the order of the export."""
 

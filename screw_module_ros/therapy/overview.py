@@ -19,7 +19,8 @@ from .scores import SCALES
 ASSESSED, ASSESSED_S = ("FM_UE", "ARAT"), 28 * 86_400
 """Clinical scores, and the age from which one is due again [s]; ours."""
 _TOLD = (
-    "protocol", "side", "simulated", "trials", "outcome", "support", "software", "law",
+    "protocol", "level", "side", "simulated", "trials", "minutes", "outcome",
+    "support", "software", "law",
 )  # fmt: skip
 _LATEST = """SELECT *, max(julianday(at)) FROM score
   WHERE ? IN ('', pseudonym) GROUP BY pseudonym, scale"""

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .measures import BY_NAME, Row
-from .protocol import REACH
+from .protocol import GAME, REACH
 from .record import Record, local
 from .report_content import labelled, number_text
 from .session import RESTS
@@ -123,7 +123,7 @@ def progress_of(record: Record, patient: str) -> Progress:
               if row["begun"] is not None]  # fmt: skip
     if not visits:
         raise ValueError(f"the record has no dated session of {patient}")
-    latest = visits[-1].session
+    latest = next((visit for visit in reversed(visits) if visit.free), visits[-1]).session
     same = [visit.session["protocol_sha256"] == latest["protocol_sha256"]
             and visit.session["simulated"] == latest["simulated"] for visit in visits]  # fmt: skip
     weeks = [(visit.session["begun"] - visits[0].session["begun"]) / _WEEK_S for visit in visits]
@@ -177,11 +177,15 @@ def _judged(line: Line, name: str, weeks: Sequence[float]) -> Line:
 
 
 def _dose(visit: _Visit) -> Point:
-    minutes = sum(row["ended_ns"] - row["started_ns"] for row in visit.trials) / 60e9
+    minutes, played = visit.session["minutes"], [r for r in visit.trials if r["kind"] == GAME]
+    scores = [row["score"] for row in played if row["score"] is not None]
     ways = [row["mean_speed"] * row["duration"] for row in visit.trials
             if row["mean_speed"] is not None and row["duration"] is not None]  # fmt: skip
-    text = f"{minutes:.0f} min, {len(visit.trials)} movements, {sum(ways):.1f} m"
-    return Point(minutes, text=text)
+    moved = len(visit.trials) - len(played)
+    what = [f"{moved} movements"] if moved or not played else []
+    what += [f"{len(played)} min of play"] if played else []
+    what += [f"score {100.0 * median(scores):.0f} %"] if scores else []
+    return Point(minutes, text=f"{minutes:.0f} min, {', '.join(what)}, {sum(ways):.1f} m")
 
 
 def _reached(visit: _Visit) -> Point:

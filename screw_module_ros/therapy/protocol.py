@@ -18,7 +18,8 @@ from .line import Line
 from .support import BlockSupport
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
-KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH)
+GAME = "game"  # a minute of it, without walls: what happens on the screen is the game's
+KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH, GAME)
 WEIGH = "weigh"  # kind in the state of the session's node while an arm is weighed, of no trial
 CLOCK, COLUMN, CENTRE = "clock", "column", "centre"
 LAYOUTS = (CLOCK, COLUMN, CENTRE)
@@ -233,7 +234,7 @@ def _block_flaws(protocol: Protocol, block: Block) -> Iterator[str]:
                 f"the point ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside what the robot reaches: "
                 f"x +-{LARGEST_X} m, y +-{LARGEST_Y} m, z {LOWEST_Z} to {HIGHEST_Z} m"
             )
-    for start, target in ways(protocol, block) if block.kind != HOLD else ():
+    for start, target in ways(protocol, block) if block.kind not in (HOLD, GAME) else ():
         if Line(start, target, protocol.space).length <= protocol.rules.hit_radius:
             yield (
                 f"a {block.kind} needs a way longer than hit_radius = "

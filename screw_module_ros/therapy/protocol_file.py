@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Protocols as YAML files, with strict checks, as they determine forces on a patient.
+"""Protocols and games as YAML files, with strict checks, as they determine forces on a patient.
 
 A missing or unknown key or a value out of range is refused with a message that names it. The
 therapist's limits are applied before the session starts, so that the bag records the executed
@@ -18,12 +18,15 @@ import yaml
 from ..resources import resource_path
 from ..settings import Setting, SettingError, plain, read
 from ..settings_file import parse, read_text
+from .games import game_in
 from .hand import AXES, Point
 from .protocol import Protocol, plan, points, ways
 from .wishes import WishLimits
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d", "lift")
-"""Protocols that come with the package."""
+GAMES = ("fruit",)
+"""Protocols and games that come with the package."""
+GAME_FOLDER = "games"  # the folder of games below that of protocols
 _SOFTEST_SHARE = 0.5  # share of the stiffest walls, if these are softer than the protocol's softest
 _ROUNDING = 1e-9  # [m] rounding of the targets' sines
 _MOST = 50  # largest number of files offered to screens
@@ -40,26 +43,34 @@ class AssistanceLimits(NamedTuple):
 def load_protocol(name: str | Path) -> Protocol:
     """Return a protocol: a packaged one by its name, or a YAML file by its path.
 
-    Raises SettingError naming file, key and problem.
+    Of a game it is the first level. Raises SettingError naming file, key and problem.
     """
     return parse_protocol(protocol_text(name), str(name))
 
 
 def protocol_text(name: str | Path) -> str:
     """Return a protocol's YAML, name as in `load_protocol`. Raises SettingError."""
-    if str(name) in SHIPPED:
-        return read_text(resource_path(f"params/therapy/{name}.yaml"))
+    if str(name) in (*SHIPPED, *GAMES):
+        folder = GAME_FOLDER if name in GAMES else "therapy"
+        return read_text(resource_path(f"params/{folder}/{name}.yaml"))
     if not Path(name).is_file():
         raise SettingError(
-            f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
+            f"no protocol {str(name)!r}: name a YAML file, or one of "
+            f"{', '.join((*SHIPPED, *GAMES))}"
         )
     return read_text(name)
 
 
-def parse_protocol(text: str, name: str) -> Protocol:
-    """Return the protocol of a YAML text; name: for messages. Raises SettingError."""
+def parse_protocol(text: str, name: str, level: str = "", minutes: int = 0) -> Protocol:
+    """Return the protocol of a YAML text; name: for messages; level, minutes: of a game.
+
+    Raises SettingError.
+    """
     try:
-        return read(Protocol, parse(text, "it"))
+        content = parse(text, "it")
+        if game := game_in(content):
+            content = plain(game.protocol(level, minutes))
+        return read(Protocol, content)
     except SettingError as error:
         raise SettingError(f"protocol {name}: {error}") from None
 
@@ -75,19 +86,22 @@ def sha256(text: str) -> str:
 
 
 def allowed_protocol(
-    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits, side: str = ""
+    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits, side: str = "",
+    level: str = "", minutes: int = 0,
 ) -> tuple[Protocol, str]:
     """Return the limited protocol of a YAML text, and its YAML: the text itself if nothing changes.
+
+    level, minutes: of a game, whose text is another one than its protocol's.
 
     A file is written for the right arm; for the left one its centre is mirrored in x. Raises
     SettingError for an invalid protocol, ValueError for a target outside the workspace.
     """
-    protocol = parse_protocol(text, name)
+    protocol = parse_protocol(text, name, level, minutes)
     softened = limited(protocol, assistance.stiffness)
     if side == "left" and protocol.centre[0]:
         x, y, z = protocol.centre
         softened = softened._replace(centre=(-x, y, z))
-    if softened != protocol:
+    if softened != protocol or game_in(parse(text, name)):
         text = as_yaml(softened)
         protocol = parse_protocol(text, name)  # what is recorded is what is carried out
     _check_workspace(protocol, workspace)
@@ -158,15 +172,21 @@ def protocols_for_screens(
     folder: Path | None = None, on_problem: Callable[[str], None] = lambda sentence: None
 ) -> list[dict[str, Any]]:
     """Return for each protocol the name to start it by (`name`), its own name (`protocol`), title,
-    space, number of trials, centre, targets [m], and those of each block by its title (`blocks`).
+    space, number of trials, centre, targets [m], and those of each block by its title (`blocks`);
+    of a game also page, levels, minutes and picture.
 
     folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
     error of an invalid file, or of one with the name of another protocol, which is omitted.
     """
-    found = {each["protocol"]: each for each in (_described(name, name) for name in SHIPPED)}
-    for file in sorted(folder.glob("*.yaml"))[:_MOST] if folder is not None else ():
+    shipped = (_described(name, name) for name in (*SHIPPED, *GAMES))
+    found = {each["protocol"]: each for each in shipped}
+    files = {
+        str(file.relative_to(folder)): file
+        for each in ("*.yaml", f"{GAME_FOLDER}/*.yaml") for file in folder.glob(each)
+    } if folder else {}  # fmt: skip
+    for name, file in sorted(files.items())[:_MOST]:
         try:
-            own = _described(file.name, file)
+            own = _described(name, file)
         except SettingError as error:
             on_problem(str(error))
             continue
@@ -180,13 +200,17 @@ def protocols_for_screens(
 
 
 def _described(name: str, file: str | Path) -> dict[str, Any]:
-    protocol = load_protocol(file)
+    protocol, game = load_protocol(file), game_in(parse(protocol_text(file), name))
+    for each in game.files if game else ():
+        if not (Path(file).parent / each).is_file():
+            raise SettingError(f"game {name}: {each} is not beside it")
     blocks: dict[str, set[Point]] = {}
     for block in protocol.blocks:
         targets = blocks.setdefault(block.title, set())
         targets.update(points(protocol, block))
         targets.discard(protocol.centre)
     return {
+        **(game._asdict() | {"origin": game.origin} if game else {}),
         "name": name,
         "protocol": protocol.name,
         "title": protocol.title,

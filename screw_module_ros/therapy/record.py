@@ -22,7 +22,7 @@ import os
 import sqlite3
 import time
 from collections import Counter
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -36,6 +36,7 @@ from ..recording.bag_files import files_of
 from ..recording.decoded import read_bag
 from ..recording.verify import sha256_of
 from ..settings import SettingError
+from .games import level_of
 from .measures import COLUMNS, DEFINITIONS, Row
 from .recorded import NoSession, Recorded, read_sessions
 from .scores import ENDING, Score, scores_in
@@ -61,10 +62,10 @@ CREATE TABLE source (name TEXT PRIMARY KEY, sha256 TEXT NOT NULL) STRICT, WITHOU
 CREATE TABLE session (
   source TEXT NOT NULL REFERENCES source ON DELETE CASCADE, number INTEGER NOT NULL,
   pseudonym TEXT NOT NULL, side TEXT NOT NULL, begun REAL, utc_offset INTEGER,
-  protocol TEXT NOT NULL, protocol_sha256 TEXT NOT NULL, simulated INTEGER NOT NULL,
-  outcome TEXT NOT NULL, stops TEXT NOT NULL, robot TEXT NOT NULL,
+  protocol TEXT NOT NULL, level TEXT NOT NULL, protocol_sha256 TEXT NOT NULL,
+  simulated INTEGER NOT NULL, outcome TEXT NOT NULL, stops TEXT NOT NULL, robot TEXT NOT NULL,
   software TEXT NOT NULL, law TEXT NOT NULL, support REAL, arm_weight REAL,
-  stamp_ns INTEGER NOT NULL, trials INTEGER NOT NULL,
+  stamp_ns INTEGER NOT NULL, trials INTEGER NOT NULL, minutes REAL NOT NULL,
   PRIMARY KEY (source, number)) STRICT, WITHOUT ROWID;
 CREATE INDEX session_of ON session (pseudonym, begun);
 CREATE TABLE trial (
@@ -88,8 +89,8 @@ CREATE TABLE IF NOT EXISTS kept.access (
 CREATE TABLE IF NOT EXISTS kept.forgotten (digest TEXT PRIMARY KEY, at INTEGER NOT NULL) STRICT;
 """
 _SESSION = """INSERT INTO session VALUES (:source, :number, :pseudonym, :side, :begun, :utc_offset,
-  :protocol, :protocol_sha256, :simulated, :outcome, :stops, :robot, :software, :law, :support,
-  :arm_weight, :stamp_ns, :trials)"""
+  :protocol, :level, :protocol_sha256, :simulated, :outcome, :stops, :robot, :software, :law,
+  :support, :arm_weight, :stamp_ns, :trials, :minutes)"""
 
 
 @functools.cache
@@ -339,7 +340,8 @@ def _session_row(session: Recorded, source: str, number: int) -> dict[str, Any]:
         "source": source, "number": number, "pseudonym": session.patient, "side": session.side,
         "begun": begun and begun.timestamp(),
         "utc_offset": None if offset is None else int(offset.total_seconds()),
-        "protocol": session.protocol.name, "protocol_sha256": session.protocol_sha256,
+        "protocol": session.protocol.name, "level": level_of(session.protocol),
+        "protocol_sha256": session.protocol_sha256,
         "simulated": session.is_simulated, "outcome": last.word if last else "",
         "stops": json.dumps(stops, sort_keys=True), "robot": controller[0],
         "software": first_told(session, graph.SAFETY_STATE, "software")[0],
@@ -348,8 +350,13 @@ def _session_row(session: Recorded, source: str, number: int) -> dict[str, Any]:
         ))),
         "support": sum(carried) / len(carried) if carried else None,
         "arm_weight": session.arm_weight, "stamp_ns": session.stamp_ns,
-        "trials": len(session.trials),
+        "trials": len(session.trials), "minutes": minutes_of(session.trials),
     }  # fmt: skip
+
+
+def minutes_of(trials: Iterable[Row]) -> float:
+    """Return how long the movements of a session took."""
+    return sum(row["ended_ns"] - row["started_ns"] for row in trials) / 60e9
 
 
 def first_told(session: Recorded, topic: str, *names: str) -> list[str]:

@@ -30,7 +30,7 @@ class _Kind(NamedTuple):
     noun: str
 
 
-_AGAIN = tuple(name for name in COLUMNS if name != "support")  # no sample tells it
+_AGAIN = tuple(name for name in COLUMNS if name not in ("support", "score"))  # no sample tells
 _TRIAL = _Kind(("trial",), _AGAIN, "trial {}", "complete", "result")
 _CHANGE = _Kind(
     ("block", "circuit"),

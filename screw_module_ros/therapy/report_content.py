@@ -15,7 +15,7 @@ import numpy as np
 from .asked import GoesOn
 from .hand import VERTICAL
 from .measures import BY_NAME, Row
-from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
+from .protocol import CIRCLE, GAME, HOLD, REACH, RESISTED, STRENGTH, plan
 from .recorded import Recorded
 from .session import State
 
@@ -26,6 +26,7 @@ OTHERS = {
     HOLD: ("hold_deviation",),
     RESISTED: ("pm4",),
     STRENGTH: ("largest_force", "largest_vertical_force"),
+    GAME: ("score", "mean_speed"),
 }
 """Figures of the other kinds of trials."""
 _DECIMALS = {"mm": 1, "mm/s": 0, "%": 0, "N": 1}  # decimals by unit; others have 2

@@ -15,7 +15,7 @@ from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
 from .hand import OTHER, PLANE, VERTICAL, HandSample, plausible
 from .line import NO_SLOT, Hold, SlotWish
 from .measures import Row
-from .protocol import Protocol, plan
+from .protocol import GAME, Protocol, plan
 from .support import Carried
 from .trial import Phase, PrepareError, TrialCourse
 
@@ -96,6 +96,16 @@ class Session:
     def progress(self) -> tuple[State, str, Phase | None]:
         """Return state, reason and phase of the trial, None without one."""
         return self.state, self.reason, self.trial.phase if self.trial else None
+
+    @property
+    def plays(self) -> bool:
+        """Return whether a minute of a game runs, in which the game may pull."""
+        return self.state == State.RUNNING and self.trial is not None and self.trial.kind == GAME
+
+    def score(self, told: float) -> None:
+        """Take how well the patient plays, 0 to 1; what a game tells last in a minute counts."""
+        if self.trial is not None and self.plays and 0.0 <= told <= 1.0:
+            self.trial.score = told
 
     @property
     def rest_left(self) -> float:

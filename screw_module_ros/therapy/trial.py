@@ -25,7 +25,7 @@ from .gaps import gaps_of
 from .hand import HandSample, Point, distance, speed_of
 from .line import NO_SLOT, Line, SlotWish, slots
 from .measures import Row, computed
-from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, Block, Protocol, TrialPlan
+from .protocol import CIRCLE, GAME, HOLD, REACH, RESISTED, STRENGTH, Block, Protocol, TrialPlan
 
 _HELD = (HOLD, RESISTED, STRENGTH)  # kinds in which walls hold the hand to one point
 _NS = 1_000_000_000
@@ -51,13 +51,15 @@ class TrialCourse:
     """Processes the hand's samples one by one, from the end of the previous trial.
 
     kind: of the trial; phase: current phase; wish: requested slots; origin: start of the hand [m],
-    on a circle the plan's target; result: None before the end.
+    on a circle the plan's target; score: what a game has told last, NaN = nothing; result: None
+    before the end.
     """
 
     def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
         self.plan = plan
         self.phase = Phase.PREPARE
         self.wish = NO_SLOT
+        self.score = math.nan
         self.result: Row | None = None
         self._protocol = protocol
         self._rules = protocol.rules
@@ -85,6 +87,9 @@ class TrialCourse:
             self._finish()
 
     def _prepare(self, sample: HandSample) -> None:
+        if self.kind == GAME:
+            self._show(sample)
+            return
         rules, space = self._rules, self._protocol.space
         away = distance(space, sample.position, self.origin)
         if self.wish is NO_SLOT:
@@ -112,11 +117,13 @@ class TrialCourse:
         self.phase, self._since_ns = Phase.WAIT, sample.time_ns
         self._samples = [sample]
         self.wish = self._slots(None)
-        if self._block.kind in _HELD:
+        if self._block.kind in (*_HELD, GAME):
             self._start(sample, initiated=True)
 
     def _slots(self, start_ns: int | None) -> SlotWish:
         kind, line = self._block.kind, self.line
+        if kind == GAME:
+            return NO_SLOT._replace(start_ns=start_ns)
         if kind in _HELD:  # held to one point
             line = Line(self.plan.start, self.plan.start, line.space)
         return slots(line, self._slot, start_ns)
@@ -207,6 +214,7 @@ class TrialCourse:
             "missing": sum(gap.missing for gap in gaps_of(samples)),
             "rate": trial.rate,
             "support": mean(sample.support for sample in samples),
+            "score": self.score,
             **computed(trial),
         }
 

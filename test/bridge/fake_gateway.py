@@ -21,13 +21,13 @@ CONFIG = {"robots": ["/"], "protocols": []}
 
 def make_server(
     gateway, limits=None, log=print, config=CONFIG, wishes=False, port=0, folder=Path("/none"),
-    tokens=lambda: TOKENS, **listening,
+    tokens=lambda: TOKENS, games=None, **listening,
 ):  # fmt: skip
     """Return a server for a robot that is played; folder: of the record; tokens: those of now."""
     return Server(
         Listening(port=port, **listening), limits or Limits(), tokens,
         Rights(config["robots"], wishes), gateway, RecordDesk(folder, log), WallClock(), config,
-        log,
+        log, games,
     )  # fmt: skip
 
 

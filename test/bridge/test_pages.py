@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import shutil
+from pathlib import Path
 
 import pytest
+import yaml
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
 
 from screw_module_ros.nodes.web_bridge import measures_for_screens
@@ -92,15 +96,17 @@ class PlayedRobot(FakeGateway):
 class Serving:
     """The server with robots that move on with each look."""
 
-    def __init__(self, robots=("/",)):
-        self.robot = PlayedRobot(robots)
+    def __init__(self, robots=("/",), own=None):
+        self.robot, self.own = PlayedRobot(robots), own
         self.state = {}
         self._make(0)
 
     def _make(self, port):
-        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens(),
+        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens(self.own),
                   "measures": measures_for_screens()}  # fmt: skip
-        self.served = Served(make_server(self.robot, config=config, wishes=True, port=port))
+        games = self.own and self.own / "games"
+        made = make_server(self.robot, config=config, wishes=True, port=port, games=games)
+        self.served = Served(made)
         self.server = self.served.__enter__()
 
     def restart(self):
@@ -140,8 +146,8 @@ class Serving:
 def serving():
     made = []
 
-    def serve(*robots):
-        made.append(Serving(robots or ("/",)))
+    def serve(*robots, own=None):
+        made.append(Serving(robots or ("/",), own))
         return made[-1]
 
     yield serve
@@ -278,6 +284,115 @@ def test_the_game_is_played_with_the_hand_and_can_be_left(patient):
     given.until_text(page, "What shall we do?")
     page.get_by_role("button", name="Move freely").click()
     given.until_text(page, "Move the blue hand wherever you like")
+
+
+PLAYS = {"state": RUNNING, "phase": 3, "kind": "game", "trial": 1, "trials": 3}
+EXAMPLES = Path(__file__).parents[2] / "examples" / "games"
+
+
+def scores(given):
+    return [told["data"] for topic, told in given.robot.published if topic == "/therapy/score"]
+
+
+def test_a_session_plays_the_fruit_and_tells_how_well(patient):
+    given, page = patient
+    seconds = itertools.count()
+
+    def follow():
+        wishes = [told["position"] for topic, told in given.robot.published if "wish" in topic]
+        given.robot.hand = wishes[-1] if wishes else None
+        given.state["since"] = 0.02 * next(seconds)
+
+    given.state = PLAYS | {"protocol": "fruit", "block": "near"}
+    given.until(page, "Number(document.body.dataset.score) >= 2", follow)
+    given.until(page, "true", follow)
+    assert not page.get_by_role("button", name="Back").is_visible()
+    assert page.get_by_role("button", name="Please stop").is_visible()
+    given.until(page, "document.body.dataset.shown === 'play'", lambda: scores(given)[-1] > 0.0)
+    assert all(0.0 <= score <= 1.0 for score in scores(given))
+    told = {"state": PAUSED, "reason": "the patient asked"}
+    given.until_text(page, "As you asked", **told)
+    count = len(given.robot.published)
+    for _ in range(50):
+        given.until(page, "true")
+        page.wait_for_timeout(20)
+    assert len(given.robot.published) == count, "a pause is none to the game"
+    given.until_text(page, "Finished. Thank you!", state=FINISHED, reason="", trial=3, phase=0)
+    assert "targets" not in page.inner_text("#veil")
+
+
+def test_a_game_in_a_frame_pulls_and_scores_without_a_token_and_takes_no_key(
+    serving, open_page, tmp_path, wait_until
+):  # fmt: skip
+    shutil.copytree(EXAMPLES, tmp_path / "games")
+    (tmp_path / "games" / "thief.html").write_text("""<script>
+        const told = {};
+        for (const what of ["sessionStorage", "document"])
+          try { told[what] = String(parent[what]); } catch (error) { told[what] = error.name; }
+        try { told.own = String(sessionStorage); } catch (error) { told.own = error.name; }
+        fetch("/config.json").catch((error) => { told.fetch = error.name; });
+        window.onmessage = ({ data }) => {
+          told.asked = location.href + document.referrer;
+          if (data.hand) parent.postMessage({ wish: [0.01, "x", Infinity], score: 2, told }, "*");
+        };</script>""")
+    mine = yaml.safe_load((EXAMPLES / "butterfly.yaml").read_text())
+    stolen = mine | {"name": "thief", "page": "thief.html"}
+    (tmp_path / "games" / "thief.yaml").write_text(yaml.safe_dump(stolen))
+    given = serving(own=tmp_path)
+    page = open_page(given, "patient")
+    page.evaluate("""() => addEventListener("message", ({ data }) => {
+        if (data.told?.fetch) window.told = data.told;
+    })""")
+
+    def follow():
+        wishes = [told["position"] for topic, told in given.robot.published if "wish" in topic]
+        given.robot.hand = wishes[-1] | {"z": 0.18} if wishes else None
+
+    given.state = PLAYS | {"protocol": "butterfly", "block": "quick", "since": 4.0}
+    given.until(page, "document.body.dataset.shown === 'play'")
+    wait_until(lambda: follow() or given.look() or scores(given) and scores(given)[-1] > 0.0)
+    page.mouse.click(400, 300)
+    page.keyboard.press("Space")
+    wait_until(lambda: given.robot.calls == [("/therapy_session/pause_by_patient", {})])
+    given.robot.published.clear()
+    given.state = {**given.state, "protocol": "thief"}
+    given.until(page, "window.told")
+    told = page.evaluate("window.told")
+    assert [told[each] for each in ("sessionStorage", "document", "own")] == ["SecurityError"] * 3
+    assert told["fetch"] == "TypeError" and TOKENS["patient"] not in told["asked"]
+    wish = ("/therapy/wish", {"position": {"x": 0.01, "y": None, "z": None}})
+    wait_until(lambda: given.look() or wish in given.robot.published)
+    assert scores(given) == []
+    given.until_text(page, "The exercise has ended", state=4)
+    assert page.locator("#game").count() == 0
+
+
+def test_the_therapist_chooses_a_game_its_level_and_its_minutes(therapist, wait_until):
+    given, page = therapist()
+    page.get_by_role("button", name="New").click()
+    page.get_by_label("Arm", exact=True).select_option("right")
+    tick(page)
+    level = page.get_by_label("Level", exact=True)
+    assert not level.is_visible()
+    page.get_by_label("Protocol", exact=True).select_option("fruit")
+    level.select_option("far")
+    page.get_by_label("Minutes", exact=True).fill("12")
+    page.get_by_role("button", name="Start").click()
+    wait_until(lambda: given.robot.calls[-1][0].endswith("/start"))
+    asked = given.robot.calls[-1][1]
+    chosen = [asked[each] for each in ("protocol", "level", "minutes")]
+    assert chosen == ["fruit", "far", 12]
+    runs = PLAYS | {"protocol": "fruit", "block": "near", "trials": 5}
+    given.until_text(page, "Pick fruit. Running, near, minute 1 of 5: the patient plays", **runs)
+    given.until(page, "document.querySelector('.minutes').value === '5'")
+    assert level.input_value() == "near" and level.is_disabled()
+    given.until_text(page, "minute 3 of 5", trial=3)
+    for trial, score in ((1, 0.42), (2, None)):
+        given.robot.tell("/therapy/trial", {
+            "patient": "P-7K3QX", "protocol": "fruit", "trial": trial, "block": 1, "circuit": trial,
+            "kind": "game", "reached": False, "duration": 58.0, "score": score,
+        })  # fmt: skip
+    given.until_text(page, "P-7K3QX: 2 min of play, score 42 %")
 
 
 def test_a_free_text_does_not_get_into_the_field(therapist, wait_until):

@@ -127,6 +127,21 @@ def test_pages_come_with_the_headers_that_keep_them_apart(server, ask, path):
     assert headers["Connection"] == "close"
 
 
+def test_a_games_page_is_of_no_origin_and_reaches_nobody(gateway, run, ask, tmp_path):
+    """It is shown within the patient's screen: of its origin, it could read the token there."""
+    (tmp_path / "mine.html").write_text("<!doctype html>")
+    config = CONFIG | {"protocols": [{"origin": "https://games.example"}, {"origin": ""}, {}]}
+    with Served(make_server(gateway, config=config, games=tmp_path)) as server:
+        status, _, headers = ask(server, "/games/mine.html")
+        policy = headers["Content-Security-Policy"]
+        assert status == 200 and policy.startswith("sandbox allow-scripts; default-src 'none'")
+        assert "connect-src" not in policy and "allow-same-origin" not in policy
+        _, _, headers = ask(server, "/patient")
+        allowed = headers["Content-Security-Policy"]
+        assert allowed.endswith("frame-src 'self' https://games.example")
+        assert ask(server, "/games/../server.py")[0] == 404 and ask(server, "/games/")[0] == 403
+
+
 @pytest.mark.parametrize(("path", "headers"), [
     ("/patient", {"Host": "evil.example"}), ("/patient", {"Origin": "http://evil.example"}),
     ("/config.json", {}), ("/ws", {}), ("/ws?token=", {}),

@@ -24,7 +24,7 @@ def test_an_enclave_for_each_executable_and_no_other():
 
 def test_a_game_plays_and_does_no_more():
     game = policy()["game"]["game"]
-    assert game.publish == {"/rosout", "/parameter_events", "/therapy/wish"}
+    assert game.publish == {"/rosout", "/parameter_events", "/therapy/wish", "/therapy/score"}
     assert game.subscribe == {CLOCK, "/endpoint_state", "/therapy/state", "/therapy/trial"}
     assert not game.request and not game.call and not game.execute
 

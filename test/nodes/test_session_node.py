@@ -24,7 +24,7 @@ from screw_module_msgs.msg import (
 )
 from screw_module_msgs.srv import StartRecording, StartTherapy
 from services import asked
-from std_msgs.msg import UInt8
+from std_msgs.msg import Float64, UInt8
 from std_srvs.srv import Trigger
 from wired import Topics
 
@@ -741,6 +741,33 @@ def test_the_therapist_switches_the_sound_of_the_patients_screen(room):
     assert room.node.set_parameters_atomically(changes).successful
     room.go_on(0.1)
     assert room.state.sound
+
+
+def test_a_game_pulls_and_scores_in_its_minutes_and_not_in_a_pause(room):
+    """Its minutes are a session's trials: another session lets no game pull."""
+    game = StartTherapy.Request(protocol="fruit", patient="P-7K3QX", level="far", minutes=2)
+    assert room.call("~/start", game) == ""
+    state = room.state
+    assert (state.kind, state.block, state.trials, state.trial) == ("game", "far", 2, 1)
+
+    def pulled():
+        room.ends.told["setpoint"].clear()
+        room.ends.heard["therapy/wish"].append(wish(0.14))
+        room.ends.heard["therapy/score"].append(Float64(data=0.75))
+        room.go_on(0.01)
+        return any(each.position.x > 0.0 for each in room.ends.told["setpoint"])
+
+    room.go_on(0.5)
+    assert pulled() and not any(slot.planar or slot.vertical for slot in room.slots)
+    assert room.call("~/pause_by_patient") == "" and not pulled()
+    assert room.call("~/resume") == "" and pulled()
+    room.go_on(60.0)
+    (result,) = room.ends.told["therapy/trial"]
+    assert (result.kind, result.score) == ("game", 0.75)
+    assert room.call("~/abort") == ""
+    assert room.call("~/start", START) == "" and not pulled()
+    refused = StartTherapy.Request(protocol="fruit", patient="P-7K3QX", level="hard")
+    assert "level = 'hard': one of near, middle, far" in room.call("~/start", refused)
 
 
 def test_the_patient_ends_a_weighing_and_the_arm_is_brought_back(room):

@@ -78,7 +78,8 @@ def small_bag(
             arm_weight=18.0))  # fmt: skip
     for number, values in enumerate(reaches, 1):
         fields = {"kind": "reach", "jerk_cutoff": 6.0, "duration": 1.0, "reached": True,
-                  "work_area": math.nan, "largest_force": math.nan, **values}  # fmt: skip
+                  "work_area": math.nan, "largest_force": math.nan,
+                  "score": math.nan, **values}  # fmt: skip
         message = TrialResult(trial=number, block=1, circuit=1, patient=patient, **fields)
         at = round((begin_s + 2 * number) * _S)
         message.started.sec, message.started.nanosec = divmod(at, _S)

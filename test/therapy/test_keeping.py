@@ -116,8 +116,9 @@ def test_a_bag_that_others_share_is_named_and_stays(folder, monkeypatch, capsys)
         shared = next(name for name in sessions(folder) if name.startswith(HER))
         record.base.execute(
             "INSERT INTO session VALUES (:source, :number, :pseudonym, :side, :begun, :utc_offset,"
-            ":protocol, :protocol_sha256, :simulated, :outcome, :stops, :robot, :software, :law,"
-            ":support, :arm_weight, :stamp_ns, :trials)", row | {"source": shared, "number": 7},
+            ":protocol, :level, :protocol_sha256, :simulated, :outcome, :stops, :robot,"
+            ":software, :law, :support, :arm_weight, :stamp_ns, :trials, :minutes)",
+            row | {"source": shared, "number": 7},
         )  # fmt: skip
     assert forget(folder, monkeypatch) == 0
     assert f"{folder / shared}, which holds others too" in capsys.readouterr().out

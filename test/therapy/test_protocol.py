@@ -14,6 +14,7 @@ from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import SettingError, read
 from screw_module_ros.therapy.protocol import HOLD, Protocol, plan, points, ways
 from screw_module_ros.therapy.protocol_file import (
+    GAMES,
     SHIPPED,
     load_protocol,
     parse_protocol,
@@ -187,7 +188,7 @@ def test_a_hand_may_be_held_where_it_is():
 
 def test_the_package_protocols_are_offered_with_their_targets():
     offered = {each["name"]: each for each in protocols_for_screens()}
-    assert list(offered) == list(SHIPPED)
+    assert list(offered) == [*SHIPPED, *GAMES]
     assert offered["clock_adaptive"]["trials"] == 1024
     assert len(offered["clock_adaptive"]["targets"]) == 8
     assert offered["elevator"]["targets"] == [
@@ -206,9 +207,9 @@ def test_protocols_of_ones_own_are_offered_and_bad_ones_told(tmp_path):
     (tmp_path / "bad.yaml").write_text("dance: true")
     told = []
     names = [each["name"] for each in protocols_for_screens(tmp_path, told.append)]
-    assert names == [*SHIPPED, "mine.yaml"]
+    assert names == [*SHIPPED, *GAMES, "mine.yaml"]
     assert len(told) == 1 and "bad.yaml" in told[0]
-    assert len(protocols_for_screens(tmp_path / "nowhere")) == len(SHIPPED)
+    assert len(protocols_for_screens(tmp_path / "nowhere")) == len(names) - 1
 
 
 def test_a_copy_that_kept_its_name_is_told_and_not_offered(tmp_path):
@@ -216,6 +217,6 @@ def test_a_copy_that_kept_its_name_is_told_and_not_offered(tmp_path):
     copy = protocol_text("elevator").replace("name: elevator", "name: clock_adaptive")
     (tmp_path / "mine.yaml").write_text(copy)
     told = []
-    assert len(protocols_for_screens(tmp_path, told.append)) == len(SHIPPED)
+    assert len(protocols_for_screens(tmp_path, told.append)) == len(SHIPPED) + len(GAMES)
     (sentence,) = told
     assert "mine.yaml" in sentence and "'clock_adaptive'" in sentence

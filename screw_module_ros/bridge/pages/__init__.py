@@ -12,14 +12,24 @@ PAGES = {
 }  # fmt: skip
 """Path on the server -> file in FOLDER."""
 
+_OWN = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "frame-src 'self'"
+)
+GAME_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data:; media-src data:; frame-ancestors 'self'"
+)
+"""Of a game's page that the bridge serves: it reaches nobody but the page that shows it, and has no
+token, since it is of no origin."""
+POLICY = "Content-Security-Policy"
 SECURITY_HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    ),
+    POLICY: _OWN,
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-"""No page loads anything from elsewhere, is shown within another, or is kept after it is closed."""
+"""No page loads anything from elsewhere, is shown within another, or is kept after it is closed.
+Frames are for games."""

@@ -23,6 +23,11 @@ export function isWeighed(state) {
   return state?.kind === "weigh" && !isUnderWay(state);
 }
 
+// Whether a game is played in a session.
+export function isPlayed(state) {
+  return state?.kind === "game" && isUnderWay(state);
+}
+
 // A point of a protocol as it stands for an arm: for the left one the protocol's centre is mirrored in x.
 export function sided(protocol, side, point) {
   if (side !== "left" || !protocol.centre) return point;

@@ -63,7 +63,7 @@ export function veil({
   }
   if (state?.state === FINISHED) {
     const count = hasOthers ? SCREEN.reached(reached) : SCREEN.reachedOf(reached, trials);
-    return ["flowers", SCREEN.finished, hasSeenAll ? count : ""];
+    return ["flowers", SCREEN.finished, hasSeenAll && state.kind !== "game" ? count : ""];
   }
   if (state?.state === ABORTED) return ["done", SCREEN.ended, ""];
   return null;
@@ -95,7 +95,7 @@ export const PAGE = {
   stopping: "Software stop asked for …",
   stopped: "The software stop was carried out. What to do now stands beside its button.",
   machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
-  protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
+  protocol: "Protocol", movements: "Protocol (movements), game", games: "Games", level: "Level", minutes: "Minutes", record: "Record", start: "Start",
   armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
   rest: "Rest 1 min", rests: "goes on by itself",
   ask: "Ask for pain",
@@ -227,6 +227,14 @@ export function resultSentence(patient, reaches, alone) {
   return `${patient}: ${counted(reaches)} targets reached${apart}`;
 }
 
+// rows: results of the minutes of a game.
+export function playSentence(patient, rows) {
+  const told = rows.map(({ score }) => score).filter((score) => score != null).map((score) => `${(100 * score).toFixed(0)} %`);
+  return `${patient}: ${rows.length} min of play${told.length ? `, score ${told.slice(-SCORES).join(", ")}` : ""}`;
+}
+
+const SCORES = 6; // of the last minutes
+
 function counted(reaches) {
   return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
 }
@@ -234,6 +242,7 @@ function counted(reaches) {
 // The assistance in use now.
 export function assistanceSentence(state) {
   if (!isUnderWay(state)) return "";
+  if (state.kind === "game") return "Now: a game, without walls";
   const { assisted, duration, side_stiffness: side } = state;
   return assisted ? `Now: ${duration.toFixed(2)} s a movement, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
 }
@@ -258,11 +267,12 @@ export function sessionSentence(state, protocols, since = null) {
   const at = since ? `, at ${localTime(since)}` : "";
   const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
   const kept = state.recorded ? "It is recorded." : "It is not recorded.";
-  const count = `movement ${state.trial} of ${state.trials}`;
+  const isGame = state.kind === "game";
+  const count = `${isGame ? `${state.block}, minute` : "movement"} ${state.trial} of ${state.trials}`;
   switch (state.state) {
     case RUNNING: {
       const isAlone = state.phase === OVER_TIME && !state.assisted; // there is no wall
-      const words = isAlone ? "over time" : PHASES[state.phase];
+      const words = isGame ? "the patient plays" : isAlone ? "over time" : PHASES[state.phase];
       const phase = words ? `: ${words}` : "";
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
@@ -273,7 +283,7 @@ export function sessionSentence(state, protocols, since = null) {
       if (isResting(state)) return `${state.patient}: ${title}. ${count}: a rest, ${whole(state.rest)} s left; Resume ends it. ${kept}`;
       return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}${at}. ${kept}`;
     case FINISHED:
-      return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
+      return `${state.patient}. Finished: ${title}, ${state.trials} ${isGame ? "min" : "movements"}.`;
     case ABORTED:
       return `${state.patient}: ${title}. Ended before its time: ${state.reason}${at}.`;
     default:
@@ -435,9 +445,9 @@ export function countWords(about) {
     due && `due: ${due}`].filter(Boolean).join("; ");
 }
 
-export function sessionCells({ begun, protocol, side, trials, outcome, stops, support, simulated }) {
+export function sessionCells({ begun, protocol, level, side, trials, outcome, stops, support, simulated }) {
   const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${reason} (${count})` : reason));
-  return [moment(begun), simulated ? `${protocol} (simulated)` : protocol, sideWords(side), String(trials),
+  return [moment(begun), [protocol, level && `, ${level}`, simulated && " (simulated)"].filter(Boolean).join(""), sideWords(side), String(trials),
     [outcome, ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
 }
 

@@ -21,16 +21,19 @@ const LEAD = 0.05; // how far ahead of the hand the wish pulls [m]
 const BASKET = { portrait: 0.8, landscape: 0.9 }; // its place, of the height: above the buttons
 
 export class FruitGame {
-  constructor(random = Math.random) {
+  // level: 0 the nearest and largest fruit at first, 1 the farthest and smallest.
+  constructor(random = Math.random, level = 1 / 3) {
     this.random = random;
     this.score = this.picked = this.streak = 0;
-    this.reach = 0.09;
-    this.radius = 0.032;
+    this.reach = LEAST_REACH + level * (MOST_REACH - LEAST_REACH);
+    this.radius = MOST_RADIUS - level * (MOST_RADIUS - LEAST_RADIUS);
+    this.minute = this.since = this.before = 0; // of a session
     this.age = 0;
     this.fruit = null;
     this.flying = [];
     this.gathered = []; // kinds of fruit in the basket
     this.isStill = false; // no motion but the hand's
+    this.basketAt = 0.1; // of the width
     this.sound = () => {};
   }
 
@@ -107,6 +110,17 @@ export class FruitGame {
     return hand.map((value, i) => value + share * way[i]);
   }
 
+  // How well a minute of a session goes, 0 to 1: the fruit in it, of one each QUICK seconds. since: its beginning [s].
+  share(minute, since) {
+    if (minute !== this.minute || since < this.since) this.before = this.picked;
+    [this.minute, this.since] = [minute, since];
+    return Math.min(1, (QUICK * (this.picked - this.before)) / Math.max(since, QUICK));
+  }
+
+  tell() {}
+
+  close() {}
+
   draw({ ctx, width, height }, hand, side) {
     const view = camera(width, height);
     const [sky, ground] = this.season;
@@ -152,7 +166,7 @@ export class FruitGame {
     const start = seen(view, from);
     const share = this.isStill ? 0 : Math.min(age / FLIGHT, 1);
     const ease = share * share * (3 - 2 * share);
-    const x = start.x + (0.1 * width - start.x) * ease;
+    const x = start.x + (this.basketAt * width - start.x) * ease;
     const y = start.y + (basketHeight(width, height) - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
     if (!this.isStill) drawFruit(ctx, kind, x, y, 0.028 * start.scale * (1 - 0.5 * share));
     text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * (1 + ease), 0.06 * height, INK, "center", 800);
@@ -160,7 +174,7 @@ export class FruitGame {
 
   drawScore(ctx, width, height) {
     const size = Math.min(0.06 * height, 0.07 * width);
-    const [x, y] = [Math.max(0.1 * width, 2 * size), basketHeight(width, height)];
+    const [x, y] = [Math.max(this.basketAt * width, 2 * size), basketHeight(width, height)];
     this.gathered.forEach((kind, i) =>
       drawFruit(ctx, kind, x + (i % 4 - 1.5) * 0.75 * size, y - (0.75 + 0.6 * Math.floor(i / 4)) * size, 0.42 * size));
     ctx.fillStyle = "#8a5a2b";

@@ -5,10 +5,11 @@ import { Awake, makeFullScreen } from "../awake.js";
 import { drawHand, el, fitted, say } from "../draw.js";
 import {
   ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, STARTING, chosenRobot, configurationAtLast,
-  isResting, isUnderWay, isWeighed, named, ownToken, tellPresses,
+  isPlayed, isResting, isUnderWay, isWeighed, named, ownToken, tellPresses,
 } from "../link.js";
 import { Sound } from "../sound.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
+import { FramedGame } from "./framed.js";
 import { FruitGame, drawApple } from "./fruit.js";
 import { changeLanguage, chosenLanguage } from "./languages.js";
 import { SCENES, drawSign } from "./scenes.js";
@@ -63,9 +64,10 @@ export class Count {
 
 const SILENT_MS = 1500;
 const TOLD_MS = 3000; // a session tells its state at 20 Hz
-const WISH_MS = 60;
+const WISH_MS = 60, SCORE_MS = 500;
 const AFTER_MS = 8000; // how long the end of a session is shown
 const BLOOM_MS = 500; // how long a flower opens
+const BESIDE_STOP = 0.38; // of the width: the button is in the corner
 const FREE = { phase: 0, start: { x: 0, y: 0, z: 0.18 }, kind: "" };
 
 const $ = (id) => document.getElementById(id);
@@ -81,9 +83,10 @@ const world = {
 };
 const { seen } = world;
 let play = null; // the FruitGame, "free", or null: the menu
+let game = null, played = ""; // that a session plays, and which one that is
 let bridge, config, robot;
 let stillness = { matches: false }; // whether who looks has asked for little motion
-let lastFrame = 0, lastWish = 0, frames = [];
+let lastFrame = 0, lastWish = 0, lastScore = 0, frames = [];
 
 function hearEndpoint(message) {
   const { position, valid, force, safety } = message;
@@ -104,6 +107,7 @@ function hearState(state) {
     play = null;
     if (state.side) chooseHand(state.side);
   }
+  followGame(state);
   if (seen.take(state, before, isNew)) {
     world.reachedAt = performance.now();
     sound.play("reached");
@@ -111,6 +115,21 @@ function hearState(state) {
   if (Boolean(state.sound) !== Boolean(before?.sound)) setSound(state.sound);
   world.trials = state.trials;
   world.state = state;
+}
+
+// Begins the game that a session plays, and ends it with the session; a pause leaves it as it is.
+function followGame(state) {
+  const asked = isPlayed(state) ? [state.patient, state.protocol, state.block].join() : "";
+  if (asked === played) return;
+  game?.close();
+  [game, played] = [null, asked];
+  if (!asked) return;
+  const found = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? {};
+  const { levels = [], page = "fruit" } = found;
+  const level = Math.max(levels.indexOf(state.block), 0) / Math.max(levels.length - 1, 1);
+  game = page === "fruit" ? new FruitGame(Math.random, level) : new FramedGame(found);
+  Object.assign(game, { level, basketAt: BESIDE_STOP });
+  game.sound = (name) => sound.play(name);
 }
 
 function isInSession() {
@@ -128,7 +147,8 @@ function frame(now) {
   const picture = fitted(canvas);
   const inSession = isInSession();
   world.bloom = stillness.matches ? 1 : Math.min((now - world.reachedAt) / BLOOM_MS, 1);
-  if (inSession) SCENES[world.protocol?.space ?? "plane"](picture, world);
+  if (inSession && game) drawGame(game, picture, dt, now, isHeard && world.state.state === RUNNING);
+  else if (inSession) SCENES[world.protocol?.space ?? "plane"](picture, world);
   else drawPlay(picture, dt, now, isHeard);
   showWords(inSession, isHeard, now - world.toldAt < TOLD_MS);
   count(now);
@@ -136,21 +156,32 @@ function frame(now) {
 }
 
 function drawPlay(picture, dt, now, isHeard) {
-  const { hand } = world;
-  if (play instanceof FruitGame) {
-    const point = hand.isKnown ? [hand.x, hand.y, hand.z ?? 0.18] : null;
-    play.isStill = stillness.matches;
-    if (isHeard && world.safety === SAFETY_OK) play.step(dt, point);
-    play.draw(picture, point, world.side);
-    const wish = play.wish(point);
-    if (wish && config.wishes && now - lastWish > WISH_MS) {
-      lastWish = now;
-      const [x, y, z] = wish;
-      bridge.publish(named(robot, "therapy/wish"), { position: { x, y, z } });
-    }
-  } else {
-    SCENES.space(picture, { ...world, state: FREE, protocol: null });
+  if (play instanceof FruitGame) drawGame(play, picture, dt, now, isHeard);
+  else SCENES.space(picture, { ...world, state: FREE, protocol: null });
+}
+
+// isOn: the robot is heard, and no session waits.
+function drawGame(shown, picture, dt, now, isOn) {
+  const { hand, force, safety, side, state } = world;
+  const point = hand.isKnown ? [hand.x, hand.y, hand.z ?? 0.18] : null;
+  const plays = isOn && safety === SAFETY_OK;
+  shown.isStill = stillness.matches;
+  if (plays) shown.step(dt, point);
+  shown.draw(picture, point, side);
+  const { trial: minute, trials: minutes, since } = state ?? {};
+  shown.tell({
+    plays, hand: point, force: [force.x, force.y, force.z], side, level: shown.level, minute, minutes, since,
+    isStill: shown.isStill, language: chosenLanguage(),
+  });
+  if (plays && config.wishes && now - lastWish > WISH_MS) {
+    lastWish = now;
+    const wish = shown.wish(point);
+    if (wish) bridge.publish(named(robot, "therapy/wish"), { position: { x: wish[0], y: wish[1], z: wish[2] } });
   }
+  if (shown !== game || !plays || since === null || now - lastScore < SCORE_MS) return;
+  lastScore = now;
+  const share = game.share(minute, since);
+  if (share !== null) bridge.publish(named(robot, "therapy/score"), { data: share });
 }
 
 const AXES = { plane: ["x", "y"], vertical: ["z"], space: ["x", "y", "z"] };
@@ -185,9 +216,9 @@ function showWords(inSession, isHeard, isTold) {
     $("progress").firstElementChild.style.width = `${share}%`;
     $("progress").setAttribute("aria-valuenow", Math.round(share));
   }
-  const shown = over ? "veil" : inSession ? world.protocol?.space ?? "plane" : play ? "play" : "menu";
+  const shown = over ? "veil" : inSession && !game ? world.protocol?.space ?? "plane" : game || play ? "play" : "menu";
   Object.assign(document.body.dataset, {
-    shown, trial: world.state?.trial ?? 0, score: play?.score ?? 0,
+    shown, trial: world.state?.trial ?? 0, score: (game ?? play)?.score ?? 0,
   });
 }
 

@@ -5,7 +5,7 @@
 import {
   BLUE, GREEN, INK, LINE, ORANGE, SKY, SOFT, VERMILLION, arrow, diamond, disc, el, fitted, text,
 } from "../draw.js";
-import { isUnderWay, targetsOf } from "../link.js";
+import { isPlayed, isUnderWay, targetsOf } from "../link.js";
 import { PAGE } from "../words.js";
 
 const TRAIL = 240; // points
@@ -40,7 +40,7 @@ export class Views {
     ];
     if (limits) drawWorkspace(ctx, place, of, limits);
     drawGrid(ctx, place, low, high, width, height);
-    if (isUnderWay(state)) {
+    if (isUnderWay(state) && !isPlayed(state)) {
       for (const [x, y, z] of targetsOf(protocol, state)) disc(ctx, ...place(of({ x, y, z })), 5, "#fff", SOFT, 2);
       disc(ctx, ...place(of(state.start)), 6, null, INK, 2);
       diamond(ctx, ...place(of(state.target)), Math.max(9, width / 32), ORANGE, INK, 1.5);

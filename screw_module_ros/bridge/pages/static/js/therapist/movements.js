@@ -4,12 +4,12 @@
 
 import { el, say } from "../draw.js";
 import { isUnderWay } from "../link.js";
-import { PAGE, assistanceSentence, changeSentence, measureTitle, resultSentence } from "../words.js";
+import { PAGE, assistanceSentence, changeSentence, measureTitle, playSentence, resultSentence } from "../words.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
 const DIGITS = { duration: 2, peak_speed: 0, path_error: 1, sparc: 2, robot_share: 0 };
-const KEEP = ["patient", "kind", "assisted", "trial", "reached", ...Object.keys(DIGITS)];
+const KEEP = ["patient", "kind", "assisted", "trial", "reached", "score", ...Object.keys(DIGITS)];
 
 // A value in SI units as its column shows it.
 function shown(value, { name, factor }) {
@@ -93,8 +93,10 @@ export class MovementsCard {
     this.table.hidden = !this.trials.length;
     const reaches = this.trials.filter(isReach);
     const alone = reaches.filter((trial) => !trial.assisted);
-    say(this.summary, this.trials.length
-      ? resultSentence(this.trials[0].patient, reaches, alone) : PAGE.noMovement);
+    const played = this.trials.filter(({ kind }) => kind === "game");
+    const patient = this.trials[0]?.patient;
+    say(this.summary, played.length ? playSentence(patient, played)
+      : patient ? resultSentence(patient, reaches, alone) : PAGE.noMovement);
     this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) => this.row(result)));
     const changes = this.changes.length ? this.changes.map(changeSentence).reverse() : [PAGE.noChange];
     this.list.replaceChildren(...changes.map((sentence) => el("li", {}, sentence)));

@@ -6,6 +6,7 @@ import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
 import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, sessionOf, toTick } from "../words.js";
 
 const ASK = 32; // of StartTherapy.checks
+const MOST_MINUTES = 60; // of a game, as its file may have
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
 // with a digit: else a name of five letters would be one.
@@ -47,8 +48,16 @@ export class SessionCard {
     };
     this.new = el("button", { name: "fresh", type: "button", onclick: () => this.fresh() }, PAGE.fresh);
     this.again = el("button", { name: "again", type: "button", hidden: true, onclick: () => this.sameAgain() });
-    this.protocol = el("select", { ariaLabel: PAGE.protocol }, ...protocols.map(
-      ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
+    const options = protocols.filter(({ levels }) => !levels).map(
+      ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`));
+    const games = protocols.filter(({ levels }) => levels).map(({ name, title }) => el("option", { value: name }, title));
+    this.protocol = el("select", { ariaLabel: PAGE.protocol, onchange: () => this.choose() }, ...options,
+      ...(games.length ? [el("optgroup", { label: PAGE.games }, ...games)] : []));
+    this.level = el("select", { ariaLabel: PAGE.level });
+    this.minutes = el("input", { className: "minutes", type: "number", min: 1, max: MOST_MINUTES, ariaLabel: PAGE.minutes });
+    this.shown = el("img", { className: "shown", alt: "" });
+    this.game = el("div", { className: "row" }, el("label", { className: "level" }, PAGE.level, this.level),
+      el("label", {}, PAGE.minutes, this.minutes), this.shown);
     this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
       ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
@@ -72,7 +81,7 @@ export class SessionCard {
         el("label", {}, PAGE.pseudonym, this.patient), el("label", {}, PAGE.armSide, this.side), this.new,
         this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
-      this.list,
+      this.game, this.list,
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, PAGE.record),
         el("label", { className: "check" }, this.asks, PAGE.ask), this.start, this.counted), this.missing,
@@ -80,6 +89,7 @@ export class SessionCard {
       this.asked = el("p", { className: "asked", role: "status" }),
       this.acts = el("div", { className: "row" }, this.pause, this.resume, this.rest, this.end, this.save));
     form.noValidate = true;
+    this.choose();
     this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
   }
@@ -98,6 +108,20 @@ export class SessionCard {
     this.patient.value = this.last;
     this.again.hidden = true;
     this.count();
+  }
+
+  get chosen() {
+    return this.protocols.find(({ name }) => name === this.protocol.value) ?? {};
+  }
+
+  // Shows the choices of a game; a protocol has none.
+  choose() {
+    const { levels = [], minutes = "", picture = "" } = this.chosen;
+    this.game.hidden = !levels.length;
+    this.level.replaceChildren(...levels.map((level) => el("option", { value: level }, level)));
+    this.minutes.value = minutes;
+    this.shown.hidden = !picture;
+    if (picture) this.shown.src = `/games/${picture}`;
   }
 
   // Tells beside Start whether the pseudonym is known: a mistyped one would become a new patient.
@@ -130,11 +154,17 @@ export class SessionCard {
     event.preventDefault();
     const [protocol, record] = [this.protocol.value, this.record.checked];
     const checks = this.checks.reduce((sum, [bit, box]) => sum + (box.checked ? bit : 0), this.asks.checked ? ASK : 0);
-    this.ask("therapy_session/start", { ...this.whose(), protocol, record, checks });
+    const game = this.chosen.levels ? { level: this.level.value, minutes: this.playTime } : {};
+    this.ask("therapy_session/start", { ...this.whose(), protocol, record, checks, ...game });
   }
 
   get space() {
-    return this.protocols.find(({ name }) => name === this.protocol.value)?.space ?? "plane";
+    return this.chosen.space ?? "plane";
+  }
+
+  // Of a game [min].
+  get playTime() {
+    return Math.min(Math.max(Math.round(Number(this.minutes.value)), 1), MOST_MINUTES);
   }
 
   // The first thing that is missing for a session; unready: of the robot.
@@ -173,7 +203,7 @@ export class SessionCard {
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
-    for (const each of [this.patient, this.new, this.side, this.protocol, this.record, this.asks]) each.disabled = isOn;
+    for (const each of [this.patient, this.new, this.side, this.protocol, this.level, this.minutes, this.record, this.asks]) each.disabled = isOn;
     const missing = isOn ? "" : this.lacking(unready);
     say(this.missing, missing);
     this.list.hidden = this.start.hidden = isOn;
@@ -191,7 +221,7 @@ export class SessionCard {
   }
 
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
-  take({ patient, side, protocol, state, recorded }) {
+  take({ patient, side, protocol, block, state, trials, recorded }) {
     this.patient.value = this.last = patient;
     this.side.value = side ?? "";
     say(this.counted, "");
@@ -199,7 +229,12 @@ export class SessionCard {
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
     const known = this.protocols.find((each) => each.protocol === protocol);
-    if (known) this.protocol.value = known.name;
+    if (!known) return;
+    if (known.name !== this.protocol.value) {
+      this.protocol.value = known.name;
+      this.choose();
+    }
+    if (known.levels) [this.level.value, this.minutes.value] = [block, trials];
   }
 
   // After a session: the next patient's must not be kept under the pseudonym of the one before.
