@@ -24,6 +24,7 @@ from screw_module_ros.bridge.rights import (
     ACTION,
     CALL,
     KEPT,
+    PATIENT,
     PUBLISH,
     ROLES,
     SUBSCRIBE,
@@ -185,7 +186,13 @@ class BridgeGateway:
             waiting.clear()
 
     def act(self, robot: str, page: str, action: str, refused: bool = False) -> None:
-        """Keep what a person did at the page of a role, for the bag of the robot's session."""
+        """Keep what a person did at the page of a role, for the bag of the robot's session.
+
+        Of a patient nothing is kept after his session: the next bag is of another one.
+        """
+        state = self._polled[Place(robot, THERAPY_STATE).full].newest
+        if page == PATIENT and (state is None or state.state not in UNDER_WAY):
+            return
         log = Log(level=Log.WARN if refused else Log.INFO, name=page, msg=action)
         self._node.stamp(log)
         self._actions[robot, page].append(log)

@@ -55,12 +55,14 @@ def actions_of(session: Recorded) -> list[tuple[float, str, str, str, float | st
 
     Those since the session before have negative minutes. What became of it: "refused"; "undone",
     when its opposite, or the same setting, follows within `UNDONE_S`; else empty. Seconds: of a
-    start since the first action, of a resume since the pause; else empty. Raises BagError.
+    start since a pseudonym was entered first, of a resume since the pause; else empty. Raises
+    BagError.
     """
     done = sorted(
         (ns_of(each.stamp), each.name, each.msg, each.level > _INFO)
         for each in _told(session, graph.THERAPY_ACTION)
     )
+    named = [at_ns for at_ns, _, action, _ in done if action == "count"]
     pauses = [act.stamp_ns for act in session.acts if act.state == State.PAUSED]
     found = []
     for number, (at_ns, page, action, refused) in enumerate(done):
@@ -69,7 +71,7 @@ def actions_of(session: Recorded) -> list[tuple[float, str, str, str, float | st
             (what, fails) == (back, False) and at - at_ns <= UNDONE_S * 1e9
             for at, _, what, fails in done[number + 1 :]
         )
-        begins = {"start": [done[0][0]], "resume": [at for at in pauses if at < at_ns]}
+        begins = {"start": named[:1], "resume": [at for at in pauses if at < at_ns]}
         of_task = [] if refused else begins.get(action, [])
         found.append((
             (at_ns - session.stated_ns) / 60e9, page, action,

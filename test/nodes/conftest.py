@@ -4,13 +4,10 @@
 from __future__ import annotations
 
 import gc
-import sys
 from types import SimpleNamespace
 
 import pytest
-import rclpy
-from node_classes import node_class
-from rclpy.signals import SignalHandlerOptions
+from node_classes import making_nodes
 
 from screw_module_ros.calibration.module import (
     ModuleCalibration,
@@ -19,7 +16,6 @@ from screw_module_ros.calibration.module import (
     write_calibration,
 )
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.nodes.support.node import Node
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -32,30 +28,8 @@ def no_garbage_of_earlier_modules():
 @pytest.fixture
 def make_node(monkeypatch):
     """Return `make_node(name, *ros_args)`: the node, declared but not configured."""
-    made = []
-
-    def make(name: str, *ros_args: str) -> Node:
-        monkeypatch.setattr(sys, "argv", [name, "--ros-args", *ros_args])
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            node = node_class(name)()
-        except BaseException:
-            rclpy.shutdown()
-            raise
-        made.append(node)
-        node.parameters.finish()
-        return node
-
-    yield make
-    for node in made:
-        node.destroy_node()
-        node.clock.close()  # else the next rig of this run goes on in its time
-    rclpy.try_shutdown()
-    # Now: the middleware ends a participant when its node is collected, and hung for ever when that
-    # happened while the next one was being discovered. A graph of this module has the same names.
-    made.clear()
-    node = None
-    gc.collect()
+    with making_nodes(monkeypatch) as make:
+        yield make
 
 
 @pytest.fixture(scope="module")

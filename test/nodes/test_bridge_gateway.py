@@ -174,9 +174,10 @@ def test_actions_wait_for_the_bag_of_a_session(sent):
     sent.look_after()
     act("/", "therapist", "start", True)
     sent.look_after(TherapyState(state=TherapyState.IDLE))
+    act("/", "patient", "sound")
     act("/", "therapist", "start")
-    act("/", "patient", "language")
     sent.look_after(TherapyState(state=TherapyState.STARTING), times=5)
+    act("/", "patient", "language")
     assert sent.actions == []
     sent.look_after(recorded)
     assert sent.actions == ["patient language 20", "therapist start 30"], "one of each page"
@@ -197,6 +198,7 @@ def test_actions_of_a_session_without_a_recording_come_into_no_other_bag(sent, s
 
 def test_a_flood_of_actions_fills_no_bag_and_hides_none_of_another_page(sent):
     """Of a page the newest hundred wait, and one goes out with each look."""
+    sent.look_after(TherapyState(state=TherapyState.STARTING))
     for number in range(5000):
         sent.gateway.act("/", "patient", f"{number}")
         sent.gateway.act("/", "therapist", "pause") if number == 0 else None

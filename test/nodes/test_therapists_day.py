@@ -74,10 +74,10 @@ class Day:
         self.screen.locator("#ask").wait_for(state="hidden")
 
     def is_saved(self, patient):
-        """Wait until the bag of the newest session is closed; return it."""
+        """Wait until the bag of the newest session is closed, and told so; return it."""
         self.stage.ask(lambda robot: robot.wait_until(
-            lambda: list(self.stage.folder.glob(f"bags/{patient}_*/metadata.yaml")), 60.0,
-            "the bag is not closed"))  # fmt: skip
+            lambda: list(self.stage.folder.glob(f"bags/{patient}_*/metadata.yaml"))
+            and not self.stage.states[-1].recorded, 60.0, "the bag is not closed"))  # fmt: skip
         (bag,) = self.stage.folder.glob(f"bags/{patient}_*/metadata.yaml")
         return bag.parent
 
