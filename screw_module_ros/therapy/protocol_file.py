@@ -20,7 +20,7 @@ from ..settings import Setting, SettingError, plain, read
 from ..settings_file import parse, read_text
 from .games import game_in
 from .hand import AXES, Point
-from .protocol import Protocol, plan, points, ways
+from .protocol import REACH, Protocol, plan, points, ways
 from .wishes import WishLimits
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d", "lift")
@@ -173,7 +173,7 @@ def protocols_for_screens(
 ) -> list[dict[str, Any]]:
     """Return for each protocol the name to start it by (`name`), its own name (`protocol`), title,
     space, number of trials, centre, targets [m], and those of each block by its title (`blocks`);
-    of a game also page, levels, minutes and picture.
+    about how many minutes it takes; of a game also page, levels and picture.
 
     folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
     error of an invalid file, or of one with the name of another protocol, which is omitted.
@@ -199,6 +199,17 @@ def protocols_for_screens(
     return list(found.values())
 
 
+def expected(protocol: Protocol) -> float:
+    """Return about how long a session takes [s], by the times of its file."""
+    found, rules = 0.0, protocol.rules
+    for block in protocol.blocks:
+        count = block.circuits * len(ways(protocol, block))
+        moves = protocol.guidance.duration if block.kind == REACH else block.duration
+        found += count * (moves + rules.hold + rules.settle_time)
+        found += (count - 1) // block.rest.every * block.rest.seconds if block.rest else 0.0
+    return found
+
+
 def _described(name: str, file: str | Path) -> dict[str, Any]:
     protocol, game = load_protocol(file), game_in(parse(protocol_text(file), name))
     for each in game.files if game else ():
@@ -210,6 +221,7 @@ def _described(name: str, file: str | Path) -> dict[str, Any]:
         targets.update(points(protocol, block))
         targets.discard(protocol.centre)
     return {
+        "minutes": expected(protocol) / 60.0,
         **(game._asdict() | {"origin": game.origin} if game else {}),
         "name": name,
         "protocol": protocol.name,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import yaml
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
 
 from screw_module_ros.nodes.web_bridge import measures_for_screens
-from screw_module_ros.therapy.protocol_file import protocols_for_screens
+from screw_module_ros.therapy.protocol_file import expected, load_protocol, protocols_for_screens
 
 pytestmark = pytest.mark.long
 
@@ -74,6 +75,7 @@ class PlayedRobot(FakeGateway):
             self.tell(f"{above}/screw/controller_state", self.axis)
             self.tell(f"{above}/screw/amplifier_state", {"brakes": self.brakes})
             self.tell(f"{above}/therapy/state", {
+                "header": stamp,
                 "state": 0, "reason": "", "patient": "P-7K3QX", "protocol": "", "trial": 0,
                 "trials": 0, "circuit": 1, "block": "", "kind": "reach", "assisted": True,
                 "phase": 0, "start": {"x": 0, "y": 0, "z": 0.18},
@@ -393,6 +395,52 @@ def test_the_therapist_chooses_a_game_its_level_and_its_minutes(therapist, wait_
             "kind": "game", "reached": False, "duration": 58.0, "score": score,
         })  # fmt: skip
     given.until_text(page, "P-7K3QX: 2 min of play, score 42 %")
+
+
+def test_a_plan_proposes_the_next_and_tells_the_minutes_left_and_ends_with_its_patient(therapist):
+    given, page = therapist()
+    protocol, field = page.get_by_label("Protocol", exact=True), page.get_by_label("Pseudonym of")
+    field.fill("P-7K3QX")
+    for name in ("elevator", "fruit"):
+        protocol.select_option(name)
+        if name == "fruit":
+            page.get_by_label("Level", exact=True).select_option("far")
+            page.get_by_label("Minutes", exact=True).fill("10")
+        page.get_by_role("button", name="Add to the plan").click()
+    assert protocol.input_value() == "elevator", "the first is proposed"
+    minutes = round(expected(load_protocol("elevator")) / 60.0)
+    planned = [each.split("\n")[0] for each in page.locator(".plan li").all_inner_texts()]
+    assert planned == [
+        f"Lifting and lowering, assisted as needed: {minutes} min", "Pick fruit, far: 10 min"
+    ]  # fmt: skip
+    given.until_text(page, f"About {minutes} min left, {minutes + 10} min with the plan.",
+                     **RUNS | {"trials": 688})  # fmt: skip
+    for trial in range(1, 6):  # each takes about 3 s: a state tells 50 ms
+        given.state["trial"] = trial
+        for _ in range(60):
+            given.look()
+            page.wait_for_timeout(20)
+    told = re.search(r"About (\d+) min left, (\d+) min with", page.inner_text(".left"))
+    assert 30 <= int(told[1]) <= 45 and int(told[2]) == int(told[1]) + 10
+    given.until_text(page, "Finished", state=FINISHED)
+    assert field.input_value() == "P-", "the next patient never starts under the last pseudonym"
+    page.get_by_role("button", name="P-7K3QX, next: Pick fruit").click()
+    assert (field.input_value(), protocol.input_value()) == ("P-7K3QX", "fruit")
+    assert page.get_by_label("Level", exact=True).input_value() == "far"
+    assert page.get_by_label("Minutes", exact=True).input_value() == "10"
+    plays = PLAYS | {"protocol": "fruit", "trials": 10, "trial": 4, "since": 30.0}
+    given.until_text(page, "About 7 min left.", **plays)
+    page.get_by_role("button", name="Software stop")
+    given.until_text(page, "Ended before its time", state=4)
+    page.get_by_role("button", name="P-7K3QX again").wait_for()
+    assert page.locator(".plan li").count() == 0
+    page.get_by_role("button", name="Add to the plan").click()
+    assert page.locator(".plan li").count() == 1
+    page.get_by_role("button", name="Take Pick fruit out of the plan").click()
+    assert page.locator(".plan li").count() == 0
+    page.get_by_role("button", name="Add to the plan").click()
+    field.fill("P-22222")
+    assert page.locator(".plan li").count() == 0, "a plan is one patient's"
 
 
 def test_a_free_text_does_not_get_into_the_field(therapist, wait_until):

@@ -12,10 +12,11 @@ import yaml
 
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import SettingError, read
-from screw_module_ros.therapy.protocol import HOLD, Protocol, plan, points, ways
+from screw_module_ros.therapy.protocol import HOLD, Protocol, Rest, plan, points, ways
 from screw_module_ros.therapy.protocol_file import (
     GAMES,
     SHIPPED,
+    expected,
     load_protocol,
     parse_protocol,
     protocol_text,
@@ -210,6 +211,17 @@ def test_protocols_of_ones_own_are_offered_and_bad_ones_told(tmp_path):
     assert names == [*SHIPPED, *GAMES, "mine.yaml"]
     assert len(told) == 1 and "bad.yaml" in told[0]
     assert len(protocols_for_screens(tmp_path / "nowhere")) == len(names) - 1
+
+
+def test_about_how_long_a_session_takes_is_told():
+    clock = load_protocol("clock_adaptive")
+    block = clock.blocks[0]._replace(circuits=2, rest=Rest(10, 60.0))  # 32 reaches
+    rules = clock.rules._replace(hold=0.3, settle_time=0.3)
+    short = clock._replace(blocks=(block,), rules=rules)
+    assert expected(short) == pytest.approx(32 * (1.4 + 0.6) + 3 * 60.0)
+    held = block._replace(kind="hold", duration=5.0, rest=Rest(32, 60.0))
+    assert expected(short._replace(blocks=(held,))) == pytest.approx(16 * 5.6)
+    assert next(each for each in protocols_for_screens() if each["name"] == "lift")["minutes"] > 3
 
 
 def test_a_copy_that_kept_its_name_is_told_and_not_offered(tmp_path):

@@ -95,7 +95,8 @@ export const PAGE = {
   stopping: "Software stop asked for …",
   stopped: "The software stop was carried out. What to do now stands beside its button.",
   machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
-  protocol: "Protocol", movements: "Protocol (movements), game", games: "Games", level: "Level", minutes: "Minutes", record: "Record", start: "Start",
+  protocol: "Protocol", movements: "Protocol (movements), game", games: "Games", level: "Level", minutes: "Minutes",
+  plan: "Add to the plan", record: "Record", start: "Start",
   armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
   rest: "Rest 1 min", rests: "goes on by itself",
   ask: "Ask for pain",
@@ -198,8 +199,28 @@ export function sessionOf(count) {
   return count ? `session ${count + 1}` : "first session";
 }
 
-export function again(patient) {
-  return `${patient} again`;
+// next: what is planned for him, undefined for nothing.
+export function again(patient, next) {
+  return next ? `${patient}, next: ${next.title}` : `${patient} again`;
+}
+
+function minutesWords(minutes) {
+  return `${Math.max(1, Math.round(minutes))} min`;
+}
+
+// What is planned, and about how long it takes.
+export function planned({ title, level, minutes }) {
+  return `${[title, level].filter(Boolean).join(", ")}: ${minutesWords(minutes)}`;
+}
+
+export function remove({ title }) {
+  return `Take ${title} out of the plan`;
+}
+
+// left: of the session [min], null if that is not known; planned: all that is planned after it [min].
+export function leftWords(left, planned) {
+  if (left === null) return "";
+  return `About ${minutesWords(left)} left${planned ? `, ${minutesWords(left + planned)} with the plan` : ""}.`;
 }
 
 export function patientSound(isOn) {

@@ -3,7 +3,8 @@
 
 import { el, say } from "../draw.js";
 import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
-import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, sessionOf, toTick } from "../words.js";
+import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, leftWords, sessionOf, toTick } from "../words.js";
+import { Pace, Plan } from "./plan.js";
 
 const ASK = 32; // of StartTherapy.checks
 const MOST_MINUTES = 60; // of a game, as its file may have
@@ -58,6 +59,9 @@ export class SessionCard {
     this.shown = el("img", { className: "shown", alt: "" });
     this.game = el("div", { className: "row" }, el("label", { className: "level" }, PAGE.level, this.level),
       el("label", {}, PAGE.minutes, this.minutes), this.shown);
+    this.plan = new Plan(() => this.item, (item) => this.propose(item));
+    this.pace = new Pace();
+    this.left = el("p", { className: "left" });
     this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
       ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
@@ -81,13 +85,13 @@ export class SessionCard {
         el("label", {}, PAGE.pseudonym, this.patient), el("label", {}, PAGE.armSide, this.side), this.new,
         this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
-      this.game, this.list,
+      this.game, el("div", { className: "row" }, this.plan.button), this.plan.list, this.list,
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, PAGE.record),
         el("label", { className: "check" }, this.asks, PAGE.ask), this.start, this.counted), this.missing,
       this.proposed = el("p", { className: "proposed", role: "status" }),
       this.asked = el("p", { className: "asked", role: "status" }),
-      this.acts = el("div", { className: "row" }, this.pause, this.resume, this.rest, this.end, this.save));
+      this.left, this.acts = el("div", { className: "row" }, this.pause, this.resume, this.rest, this.end, this.save));
     form.noValidate = true;
     this.choose();
     this.element = el("section", { className: "card session" }, el("h2", {}, PAGE.session), form, this.told);
@@ -106,6 +110,7 @@ export class SessionCard {
 
   sameAgain() {
     this.patient.value = this.last;
+    if (this.plan.next) this.propose(this.plan.next);
     this.again.hidden = true;
     this.count();
   }
@@ -114,12 +119,24 @@ export class SessionCard {
     return this.protocols.find(({ name }) => name === this.protocol.value) ?? {};
   }
 
+  // What stands in the form, for the plan.
+  get item() {
+    const { name, title, levels, minutes } = this.chosen;
+    return levels ? { name, title, level: this.level.value, minutes: this.playTime } : { name, title, minutes };
+  }
+
+  propose({ name, level, minutes }) {
+    this.protocol.value = name;
+    this.choose();
+    if (level) [this.level.value, this.minutes.value] = [level, minutes];
+  }
+
   // Shows the choices of a game; a protocol has none.
   choose() {
-    const { levels = [], minutes = "", picture = "" } = this.chosen;
+    const { levels = [], minutes, picture = "" } = this.chosen;
     this.game.hidden = !levels.length;
     this.level.replaceChildren(...levels.map((level) => el("option", { value: level }, level)));
-    this.minutes.value = minutes;
+    this.minutes.value = levels.length ? minutes : "";
     this.shown.hidden = !picture;
     if (picture) this.shown.src = `/games/${picture}`;
   }
@@ -130,6 +147,7 @@ export class SessionCard {
     say(this.counted, "");
     say(this.proposed, "");
     if (!WHOLE.test(patient)) return;
+    this.plan.keepFor(patient);
     this.recall(patient);
     let words = PAGE.uncounted;
     try {
@@ -206,7 +224,8 @@ export class SessionCard {
     for (const each of [this.patient, this.new, this.side, this.protocol, this.level, this.minutes, this.record, this.asks]) each.disabled = isOn;
     const missing = isOn ? "" : this.lacking(unready);
     say(this.missing, missing);
-    this.list.hidden = this.start.hidden = isOn;
+    this.list.hidden = this.start.hidden = this.plan.button.hidden = isOn;
+    say(this.left, isOn ? leftWords(this.pace.left(state, this.known(state)), this.plan.after(this.chosen.name)) : "");
     this.acts.hidden = !isOn;
     this.start.disabled = Boolean(isOn || missing);
     const [asked, isAsked] = askedSentence(state);
@@ -220,15 +239,20 @@ export class SessionCard {
     this.save.disabled = !(now && state.recorded);
   }
 
+  known({ protocol }) {
+    return this.protocols.find((each) => each.protocol === protocol);
+  }
+
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
   take({ patient, side, protocol, block, state, trials, recorded }) {
     this.patient.value = this.last = patient;
+    if (!this.isOn) this.plan.keepFor(patient);
     this.side.value = side ?? "";
     say(this.counted, "");
     say(this.proposed, "");
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
-    const known = this.protocols.find((each) => each.protocol === protocol);
+    const known = this.known({ protocol });
     if (!known) return;
     if (known.name !== this.protocol.value) {
       this.protocol.value = known.name;
@@ -244,7 +268,8 @@ export class SessionCard {
     for (const [, box] of this.checks) box.checked = false;
     say(this.counted, "");
     this.record.checked = true;
-    this.again.textContent = again(this.last);
+    this.plan.end(this.chosen.name);
+    this.again.textContent = again(this.last, this.plan.next);
     this.again.hidden = false;
   }
 }
