@@ -18,7 +18,6 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from datetime import datetime
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from ..therapy.overview import patient, patients
 from ..therapy.record import Record, alone, folder_lock, opened
 from ..therapy.recorded import read_sessions
 from ..therapy.replay import replayed
-from ..therapy.scores import Score, keep_scores
+from ..therapy.scores import Score, keep_scores, time_now
 
 _LOOK_NS = 10_000_000_000
 _TAKEN = (
@@ -71,7 +70,7 @@ def _export(record: Record, pseudonym: str, given: _Given) -> Any:
 
 
 def _score(record: Record, pseudonym: str, given: _Given) -> Any:
-    at = given.get("at") or datetime.now().astimezone().isoformat(timespec="milliseconds")
+    at = given.get("at") or time_now()
     folder = Path(record.folder or "")
     with alone(folder):
         keep_scores(folder, pseudonym, [Score(at, given["scale"], float(given["value"]))])

@@ -29,6 +29,7 @@ from ..control.support import SupportSettings, SupportState
 from ..control.torque_chain import TorqueChain
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
+from ..graph import SEPARATE_LATENCY
 from ..plant.module import resting_state, vertical_params
 from ..plant.muscles import RESTED
 from ..plant.patient import (
@@ -53,7 +54,6 @@ from ..therapy.protocol import CIRCLE, Block, Protocol
 from ..therapy.trial import guide_of, pull_of, slot_of
 from .loop import (
     COLUMNS,
-    DELAY,
     PERIOD,
     PLANE_TICKS,
     ROW_TICKS,
@@ -106,7 +106,7 @@ class Course:
             lowpass_coefficients(30.0, PERIOD), lowpass_coefficients(30.0, PERIOD * PLANE_TICKS),
             world.vertical.grip_height, world.vertical.lead, world.start.counts_per_turn,
             world.start.joint_resolution, 1.0 / TORQUE_CONSTANT,
-            round(PERIOD / world.substep), round(DELAY / world.substep), self.planar,
+            round(PERIOD / world.substep), round(SEPARATE_LATENCY / world.substep), self.planar,
         )  # fmt: skip
         self._packed_robot = packed(robot)
         module, planar = resting_state(world.vertical, z, 1.0), resting_plane(world.planar, x, y)

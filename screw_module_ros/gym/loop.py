@@ -32,14 +32,12 @@ from ..geometry import counts_to_height, forward, jacobian
 from ..plant.amplifier import Amplifier, bridge_current
 from ..plant.module import HUMAN_ARM, ModuleInput, ModuleState
 from ..plant.planar import ManusInput, ManusState
-from ..plant.sensor import SensorParams, measured_wrench, true_wrench
+from ..plant.sensor import SensorParams, counted_force, measured_wrench, true_wrench
 from ..plant.simulation import PLANAR, VERTICAL, advancing
 
 PERIOD = 0.001  # [s] of the vertical axis and the force sensor
 PLANE_TICKS = 2  # the plane runs at 500 Hz
 ROW_TICKS = 5  # `endpoint_state` tells of the hand at 200 Hz
-DELAY = 0.6e-3  # [s] from a sample to its command, with nodes apart (docs/performance.md)
-FORCE_COUNTS = 144.0  # [1/N] of the transducer (thesis 3.1.9)
 TORQUE_CONSTANT = 0.16  # [Nm/A] of the motor, from its data sheet (thesis 3.1.6)
 COLUMNS = 14
 """Of a row: time [s], place x, y, z [m], velocity [m/s] and force of the patient on the robot [N]
@@ -157,7 +155,7 @@ def running(law: Law, planar_step: Callable) -> Callable[..., tuple[State, int]]
         wrench, first, second = measured_wrench(
             p.sensor, true, s.ticks * PERIOD, s.first, s.second
         )
-        fx, fy, fz = _counted(wrench[0]), _counted(wrench[1]), _counted(wrench[2])
+        fx, fy, fz = counted_force(wrench[0]), counted_force(wrench[1]), counted_force(wrench[2])
         z = counts_to_height(math.floor(n[_NUT] / p.lead * p.counts), p.chain.screw, p.counts)
         vz, motion = velocity_step(p.smooth, s.motion, z, PERIOD)
         since = _since_start(s.ticks, o.vertical_begun)
@@ -244,10 +242,6 @@ def on_joints(shoulder: float, elbow: float) -> ManusInput:
 def still(_params: Any, state: ManusState, _input: ManusInput) -> ManusState:
     """Return the plane as it is: it stands in tasks of the vertical axis alone."""
     return state
-
-
-def _counted(force: float) -> float:
-    return round(force * FORCE_COUNTS) / FORCE_COUNTS
 
 
 def _since_start(ticks: int, begun: int) -> float:

@@ -38,11 +38,10 @@ from ..plant.planar import (
     planar_step,
     resting_plane,
 )
-from ..plant.sensor import normal_pair, seeded
+from ..plant.sensor import counted_force, normal_pair, seeded
 from ..plant.settings import WorldSettings
 from .trials import SWEPT, OnProgress, PlanarTrial, Samples
 
-FORCE_COUNTS = 144.0  # counts of the transducer (3.1.9) [1/N]
 # x, y, vx, vy of the handle; force of the patient x, y; share of the force gain; force that the
 # motors add; force that the law sees x, y
 COLUMNS = 10
@@ -191,8 +190,7 @@ def counted(angle: float, radian: float) -> float:
 def sampled(p: PlaneParams, s: Felt, arm: ManusState) -> Felt:
     """Return a new force sample, with noise and counts."""
     n1, n2, first, second = normal_pair(s.first, s.second)
-    x = round((arm.force_x + p.noise * n1) * FORCE_COUNTS) / FORCE_COUNTS
-    y = round((arm.force_y + p.noise * n2) * FORCE_COUNTS) / FORCE_COUNTS
+    x, y = counted_force(arm.force_x + p.noise * n1), counted_force(arm.force_y + p.noise * n2)
     return Felt(x, y, first, second)
 
 

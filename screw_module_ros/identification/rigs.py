@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+from ..graph import SEPARATE_LATENCY
 from ..plant import planar
 from ..plant.patient import RIGID, ArmForce, soft_grip
 from ..plant.settings import WorldSettings, load_world
@@ -104,7 +105,7 @@ def _borne(robot: planar.Planar, loop: PlaneLoop, damping: float) -> float:
 def drawn(family: str, seed: int) -> Rig:
     """Return the rig of a family, of `FAMILIES`, and seed; the same for the same seed."""
     if family in THESIS_MODULE:
-        return Rig(load_world(), LoopSettings(rate=1000.0, command_delay=0.6e-3), RIGID)
+        return Rig(load_world(), LoopSettings(rate=1000.0, command_delay=SEPARATE_LATENCY), RIGID)
     draw = random.Random(f"study {family} {seed}")
     world = load_world(perturb_seed=seed)
     if draw.random() < 0.5:  # what earlier versions drew, so that seeds still draw the rest

@@ -35,7 +35,7 @@ from ..geometry import COUNTS_PER_TURN, SCREW, Screw, counts_to_height
 from ..plant.instruments import CurrentSensorState, analyzed, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
 from ..plant.patient import HandPath, arm_force, held_up, resting
-from ..plant.sensor import measured_wrench, seeded, sensor_params
+from ..plant.sensor import FORCE_COUNTS, measured_wrench, seeded, sensor_params
 from ..plant.settings import WorldSettings, changed_later
 from ..settings import Setting, validated
 from .plane_loop import plane_samples
@@ -96,7 +96,9 @@ class LoopSettings(NamedTuple):
     cutoff: Annotated[
         float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)
     ] = 30.0  # thesis: velocity_cutoff
-    force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
+    force_counts: Annotated[
+        float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)
+    ] = FORCE_COUNTS
     torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
     # ours: 12 bit over +-10 V; the thesis prints no resolution of its A/D card (4.1.2)
     volt_counts: Annotated[float, Setting("of the A/D card", "1/V", 1.0, 1e6)] = 204.8

@@ -24,9 +24,11 @@ from screw_module_ros.devices.makes import node_parameters
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.graph import (
     BESIDE,
+    COMPOSED_LATENCY,
     MODULE,
     ONE_PROCESS_SIMULATES,
     PATIENTS,
+    SEPARATE_LATENCY,
     WHOLE,
     Entry,
     chosen,
@@ -44,8 +46,6 @@ from .support.runtime import DUMP_STACKS, stop_on_signals
 ENCLAVES = "/therapy_robot"
 """Prefix of the enclaves of security/policy.xml."""
 _SECURITY_VARIABLE = "ROS_SECURITY_ENABLE"
-SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
-"""Delay from SYNC to the effect of its command [s], measured by `make bench`; in simulated time."""
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
 HARDWARE_PARAMETERS = "params/hardware.yaml"

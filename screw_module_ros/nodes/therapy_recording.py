@@ -7,7 +7,6 @@ A recording that went on would hold the next patient's movements in a bag of thi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -21,7 +20,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.recording import pseudonym
 from screw_module_ros.settings import Setting, SettingError
-from screw_module_ros.therapy.scores import Score, keep_scores
+from screw_module_ros.therapy.scores import Score, keep_scores, time_now
 from screw_module_ros.therapy.session import UNDER_WAY, Session
 
 from .support.inbox import Inbox
@@ -104,9 +103,8 @@ class SessionRecording:
         """Keep scores beside the bags, of a session that is recorded; return what is wrong."""
         if self.folder is None:
             return ""
-        now = datetime.now().astimezone().isoformat(timespec="milliseconds")
         try:
-            keep_scores(self.folder, patient, [Score(now, *each) for each in told])
+            keep_scores(self.folder, patient, [Score(time_now(), *each) for each in told])
         except (OSError, SettingError):  # whose text names the file, and so the patient
             return "what the patient told is not kept"
         return ""

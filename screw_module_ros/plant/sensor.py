@@ -26,12 +26,19 @@ from ..settings import Setting
 
 DRAWS = 6
 """Random numbers in one measured wrench, each of `uniform`."""
+FORCE_COUNTS = 144.0
+"""Of a newton [1/N] (thesis 3.1.9)."""
 
 _MODULUS_1 = 2147483563
 _MODULUS_2 = 2147483399
 _TWO_PI = 2.0 * math.pi
 
 Wrench = tuple[float, float, float, float, float, float]
+
+
+def counted_force(force: float) -> float:
+    """Return a force as the transducer's counts show it [N]."""
+    return round(force * FORCE_COUNTS) / FORCE_COUNTS
 
 
 class Sensor(NamedTuple):

@@ -25,7 +25,7 @@ from .progress import as_text, progress_of
 from .record import ACCESS, Record, alone, local, opened, sources, sum_of
 from .recorded import Recorded, read_sessions
 from .replay import replayed
-from .scores import SCALES, Score, keep_scores
+from .scores import SCALES, Score, keep_scores, time_now
 
 _FOLDER = "~/sessions"  # the recorder's default
 _DAYS = {"y": 365.25, "m": 30.4375, "d": 1.0}
@@ -166,10 +166,9 @@ def _listed(
 
 
 def _score(options: argparse.Namespace) -> int:
-    at = options.at or datetime.now().astimezone().isoformat(timespec="seconds")
     with opened(options.folder) as record, alone(options.folder):
         try:
-            score = Score(at, options.scale, options.value)
+            score = Score(options.at or time_now(), options.scale, options.value)
             keep_scores(options.folder, options.patient, [score])
         except SettingError as error:
             raise BagError(str(error)) from None

@@ -60,6 +60,11 @@ class _Scores(NamedTuple):
     scores: tuple[Score, ...]
 
 
+def time_now() -> str:
+    """Return the present local time with its offset from UTC, as a score has it."""
+    return datetime.now().astimezone().isoformat(timespec="milliseconds")
+
+
 def scores_in(file: Path) -> tuple[Score, ...]:
     """Return the scores in a file, none if it is not there. Raises SettingError."""
     return read_file(file, _Scores).scores if file.exists() else ()

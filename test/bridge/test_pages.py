@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from browser_pages import opened
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
 
 from screw_module_ros.nodes.web_bridge import measures_for_screens
@@ -162,12 +163,9 @@ def open_page(browser):
     pages, errors = [], []
 
     def make(serving, role, query="", size=(820, 700)):
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-        page.set_default_timeout(DEADLINE_MS)
-        page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
-        page.goto(f"{serving.server.address}/{role}{query}#token={TOKENS[role]}")
-        pages.append(page)
-        return page
+        address = f"{serving.server.address}/{role}{query}#token={TOKENS[role]}"
+        pages.append(opened(browser, address, errors, size))
+        return pages[-1]
 
     yield make
     for page in pages:
@@ -179,13 +177,13 @@ def open_page(browser):
 def therapist(serving, open_page):
     """Return what opens the therapist's page of robots: these and the page."""
 
-    def opened(*robots, **size):
+    def make(*robots, **size):
         given = serving(*robots)
         page = open_page(given, "therapist", **size)
         given.until_text(page, "The robot is ready")
         return given, page
 
-    return opened
+    return make
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from browser_pages import opened as opened_in
 from fake_gateway import TOKENS, FakeGateway, Served, make_server
 from small_bag import MARCH, small_bag
 
@@ -14,7 +15,6 @@ from screw_module_ros.therapy.scores import Score, keep_scores
 
 pytestmark = pytest.mark.long
 
-DEADLINE_MS = 60_000
 HER, WEEK = "P-7K3QX", 7 * 86400
 SIZES = [(1280, 720), (1024, 768)]  # a laptop, a tablet of 10 inches
 
@@ -48,13 +48,11 @@ def opened(browser, server):
     pages, errors = [], []
 
     def make(size=SIZES[0], who="therapist:T7", path="/record"):
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-        page.set_default_timeout(DEADLINE_MS)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda told: "(Conflict)" in told.text or errors.append(told.text))
-        page.goto(f"{server.address}{path}#token={TOKENS[who]}")
-        pages.append(page)
-        return page
+        pages.append(opened_in(
+            browser, f"{server.address}{path}#token={TOKENS[who]}", errors, size,
+            lambda told: "(Conflict)" not in told.text,
+        ))  # fmt: skip
+        return pages[-1]
 
     yield make
     for page in pages:

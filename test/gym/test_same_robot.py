@@ -20,8 +20,9 @@ from screw_module_ros.control.support import SupportState
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.filters import lowpass_coefficients, velocity_settled
+from screw_module_ros.graph import SEPARATE_LATENCY
 from screw_module_ros.gym.course import Course
-from screw_module_ros.gym.loop import DELAY, PERIOD, ROW_TICKS, Goal, Order
+from screw_module_ros.gym.loop import PERIOD, ROW_TICKS, Goal, Order
 from screw_module_ros.identification.vertical_loop import (
     COLUMNS,
     LAW,
@@ -73,7 +74,7 @@ def in_vertical_loop(world):
         transducer=Transducer(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 144.0, 5665.0),
         chain=TorqueChain(linearization=default_linearization()), amperes=1.0 / 0.16,
         smooth=lowpass_coefficients(30.0, PERIOD), law=settings, own=own, path=path,
-        period=PERIOD, steps=round(PERIOD / dt), late=round(DELAY / dt), kind=LAW,
+        period=PERIOD, steps=round(PERIOD / dt), late=round(SEPARATE_LATENCY / dt), kind=LAW,
         mode=FORCE_FEEDBACK, amplitude=0.0, omega=0.0, centre=math.nan, fixture=HUMAN_ARM,
         upright=1.0, stage_speed=0.0, stage_target=0.0,
     )  # fmt: skip

@@ -88,6 +88,10 @@ class Stage:
     def tokens(self):
         return tokens_in(self._token_file)
 
+    def page_of(self, role: str) -> str:
+        """Return the address of a role's page."""
+        return f"{self.address}/{role}#token={self.tokens[role]}"
+
     def ask(self, act: Callable[[Robot], Any]) -> Any:
         """Let the operator do something; return or raise what came of it."""
         future: Future = Future()

@@ -21,11 +21,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from played_recorder import PlayedRecorder
 from rclpy.serialization import serialize_message
-from rclpy.task import Future as RosFuture
 from screw_module_msgs.msg import EndpointState, ImpedanceState, SafetyState, TherapySlot
-from screw_module_msgs.srv import StartRecording
 from services import asked
 from std_srvs.srv import Trigger
 
@@ -108,38 +106,20 @@ def _tick(start_ns: int) -> int:
     return (start_ns - BEGUN_NS) // MS if start_ns else -1
 
 
-class Recorder:
-    """What a session asks of a recorder, which writes bags; for SessionRecording node and inbox."""
+class Recorder(PlayedRecorder):
+    """A recorder that answers with bags."""
 
     def __init__(self, folder: Path, clock: Any):
+        super().__init__()
         self._folder, self._clock, self._definitions = folder, clock, Definitions()
         self._bag: Bag | None = None
         self._channels: dict[str, int] = {}
-        self._waiting: list[tuple[RosFuture, Any]] = []
-        log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
-        self.get_logger = lambda: log
-        self.get_namespace = lambda: "/"
-        self.resolve_topic_name = "/{}".format
 
-    def create_client(self, kind: type, name: str) -> Any:
-        """Return a client whose answer comes with the next `answer`."""
-        def call_async(request: Any) -> RosFuture:
-            self._waiting.append((RosFuture(), request))
-            return self._waiting[-1][0]
-
-        return SimpleNamespace(call_async=call_async)
-
-    def get_subscriptions_info_by_topic(self, name: str) -> list[Any]:
-        """Tell that it subscribes to everything."""
-        return [SimpleNamespace(node_name="session_recorder", node_namespace="/")]
-
-    def answer(self) -> None:
+    def answer_all(self) -> None:
         """Carry out what was asked."""
-        waiting, self._waiting = self._waiting, []
-        for future, request in waiting:
-            is_start = isinstance(request, StartRecording.Request)
-            message = self._begin(request.name) if is_start else self._end()
-            future.set_result(Trigger.Response(success=True, message=message))
+        for service, act in (("record", lambda: self._begin(self.names[-1])), ("stop", self._end)):
+            while self.asked[service]:
+                self.answer(service, Trigger.Response(success=True, message=act()))
 
     def _begin(self, name: str) -> str:
         self._bag, self._channels = Bag(self._folder / name), {}
@@ -165,10 +145,10 @@ class Recorder:
         now_ns, data = self._clock.stamp_ns(), bytes(serialize_message(message))
         self._bag.write([Message(self._channels[topic], now_ns, now_ns, 0, data)])
 
-    def status(self) -> DiagnosticStatus:
+    def report_to(self, heard: list) -> None:
         """Report, as each second."""
-        values = {"recording": str(self._bag is not None), "bag": str(self._bag and "bag")}
-        return DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in values.items()])
+        self.report(self._bag is not None)
+        heard.append(self.told.pop())
 
 
 class BridgeNode:
@@ -291,9 +271,9 @@ class FastDay:
             self._hear(topic, message)
         if self.clock.time_ns - self._reported_ns >= S:
             self._reported_ns = self.clock.time_ns
-            self.ends.heard["session_recorder/status"].append(self.recorder.status())
+            self.recorder.report_to(self.ends.heard["session_recorder/status"])
         self.node.step()
-        self.recorder.answer()
+        self.recorder.answer_all()
         self._pass_on()
 
     def _pass_on(self) -> None:

@@ -8,6 +8,7 @@ from contextlib import closing
 
 import pytest
 from bridge_stage import PATIENT, Stage
+from browser_pages import opened
 
 from screw_module_ros.session_command import main
 from screw_module_ros.therapy.record import Record
@@ -17,22 +18,12 @@ from screw_module_ros.trials.runner import recordings_in
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-DEADLINE_MS = 600_000  # it only ends a hang: beside other work the robot's time passes slowly
-
-
-def opened(stage, browser, role, errors):
-    page = browser.new_page(viewport={"width": 1280, "height": 720})
-    page.set_default_timeout(DEADLINE_MS)
-    page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
-    page.goto(f"{stage.address}/{role}#token={stage.tokens[role]}")
-    return page
-
 
 def test_a_chosen_game_is_played_and_counts_as_dose(tmp_path, browser):
     bags, errors = tmp_path / "bags", []
     with Stage(tmp_path, extra=recordings_in(bags)) as stage:
-        screen = opened(stage, browser, "patient", errors)
-        page = opened(stage, browser, "therapist", errors)
+        screen = opened(browser, stage.page_of("patient"), errors)
+        page = opened(browser, stage.page_of("therapist"), errors)
         page.get_by_text("The robot is ready, the torque is on.").wait_for()
         page.get_by_label("Pseudonym of the patient").fill(PATIENT)
         page.get_by_label("Arm", exact=True).select_option("right")

@@ -11,10 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
+from played_recorder import PlayedRecorder
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 from screw_module_msgs.msg import (
     EndpointSetpoint,
     EndpointState,
@@ -22,7 +21,7 @@ from screw_module_msgs.msg import (
     SafetyState,
     TherapyState,
 )
-from screw_module_msgs.srv import StartRecording, StartTherapy
+from screw_module_msgs.srv import StartTherapy
 from services import asked
 from std_msgs.msg import Float64, UInt8
 from std_srvs.srv import Trigger
@@ -47,48 +46,6 @@ from screw_module_ros.therapy.wishes import WishLimits
 
 S = 1_000_000_000
 DONE = Trigger.Response(success=True, message="bag")
-
-
-class PlayedRecorder:
-    """The services of a recorder, which answer when the test says so; also node and inbox."""
-
-    def __init__(self):
-        self.asked: dict[str, list[Future]] = {}
-        self.names: list[str] = []
-        self.told: list[DiagnosticStatus] = []
-        log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
-        self.get_logger = lambda: log
-        self.get_namespace = lambda: "/"
-        self.resolve_topic_name = "/{}".format
-        self.left_out: set[str] = set()
-        self.is_there = True
-
-    def create_client(self, kind, name):
-        calls = self.asked[name.rpartition("/")[2]] = []
-
-        def call_async(request):
-            self.names += [request.name] if isinstance(request, StartRecording.Request) else []
-            calls.append(Future())
-            return calls[-1]
-
-        return SimpleNamespace(call_async=call_async)
-
-    def get_subscriptions_info_by_topic(self, name):
-        other = SimpleNamespace(node_name="web_bridge", node_namespace="/")
-        own = SimpleNamespace(node_name="session_recorder", node_namespace="/")
-        return [other] if name in self.left_out else [other, own]
-
-    def subscribe(self, kind, name, profile):
-        return lambda: self.told.pop(0) if self.told else None
-
-    def answer(self, service, response):
-        """Answer the oldest call."""
-        self.asked[service].pop(0).set_result(response)
-
-    def report(self, recording, bag="", message="", **more):
-        said = {"recording": str(recording), "bag": bag, **more}
-        values = [KeyValue(key=key, value=value) for key, value in said.items()]
-        self.told.append(DiagnosticStatus(values=values, message=message))
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from bridge_stage import PROTOCOL, QUICK, Stage
+from browser_pages import opened
 
 from screw_module_ros.operator.robot import arm
 from screw_module_ros.session_command import main
@@ -28,7 +29,6 @@ from screw_module_ros.trials.runner import recordings_in
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
-DEADLINE_MS = 600_000  # it only ends a hang: beside other work the robot's time passes slowly
 RESTS, STOPS, SPASM = "P-22222", "P-33333", "P-44444"
 CRAMP = arm((0.0, 0.0, -0.09), 3.0, stiffness=1000.0, damping=80.0, traits={"follows": 0.0})
 SIZES = {"therapist": (1280, 720), "patient": (1024, 768)}
@@ -43,12 +43,7 @@ class Day:
         self.page = self.opened("therapist")
 
     def opened(self, role):
-        width, height = SIZES[role]
-        page = self.browser.new_page(viewport={"width": width, "height": height})
-        page.set_default_timeout(DEADLINE_MS)
-        page.on("pageerror", lambda error: self.errors.append(f"{role}: {error}"))
-        page.goto(f"{self.stage.address}/{role}#token={self.stage.tokens[role]}")
-        return page
+        return opened(self.browser, self.stage.page_of(role), self.errors, SIZES[role])
 
     def press(self, name):
         self.page.get_by_role("button", name=name).click()

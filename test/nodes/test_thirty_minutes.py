@@ -34,7 +34,7 @@ from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.session import State
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 
 MINUTES = 30.0
 RESTS, STOPS, SPASM = "P-22222", "P-33333", "P-44444"

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from browser_pages import opened, start_on
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState, TherapyState
 
 from screw_module_ros.bridge.tokens import tokens_in
@@ -28,7 +29,6 @@ ONE_ROBOT = ["sim_rig", "supervisor", "module", "endpoint_state", "session_recor
 PARTS = ["encoder", "force_sensor", "impedance_controller", "amplifier"]
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 NODES = ["sim_rig", "supervisor", *PARTS, "endpoint_state", "session_recorder", SESSION]
-DEADLINE_MS = 600_000
 SILENT = "the therapist's page has been silent for 2 s"
 
 
@@ -156,38 +156,19 @@ def test_what_one_does_the_other_does_not(started):
         assert verify(folders[name]).complete, verify(folders[name]).problems
 
 
-def opened(browser, address, errors, size=(1400, 900)):
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-    page.set_default_timeout(DEADLINE_MS)
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(address)
-    return page
-
-
-def start_on(panel):
-    panel.get_by_role("button", name="New").click()
-    panel.get_by_label("Arm", exact=True).select_option("right")
-    panel.get_by_label("Protocol", exact=True).select_option("elevator")
-    panel.get_by_label("Record").uncheck()
-    panel.get_by_label("Ask for pain").uncheck()
-    for box in panel.locator(".checks input").all():
-        box.check()
-    panel.get_by_role("button", name="Start").click()
-
-
 def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
     operators, address, tokens = started
     for operator in operators.values():
         operator.make_ready()
     errors: list[str] = []
-    page = opened(browser, f"{address}/therapist#token={tokens['therapist']}", errors)
+    page = opened(browser, f"{address}/therapist#token={tokens['therapist']}", errors, (1400, 900))
     left, right = page.locator("#robot-left"), page.locator("#robot-right")
     left.get_by_text("The torque is off: plane.").wait_for()  # these robots have no plane
 
-    start_on(left)
+    start_on(left, "elevator")
     left.get_by_text("Running, movement 1 of").wait_for()
     assert right.get_by_text("No session").is_visible()
-    start_on(right)
+    start_on(right, "elevator")
     right.get_by_text("Running, movement 1 of").wait_for()
     names = {name: operator.states[-1].patient for name, operator in operators.items()}
     assert len(set(names.values())) == 2, "each has its own patient"

@@ -9,13 +9,13 @@ import math
 
 import pytest
 from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped
+from browser_pages import DEADLINE_MS, opened, start_on
 from screw_module_msgs.msg import TherapyState
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 IDLE, RUNNING, PAUSED = TherapyState.IDLE, TherapyState.RUNNING, TherapyState.PAUSED
 SILENT = "the therapist's page has been silent for 2 s"
-DEADLINE_MS = 600_000  # it only ends a hang: beside other work the robot's time passes slowly
 BOUNDS = {"x": (-0.15, 0.15), "y": (-0.15, 0.15), "z": (0.03, 0.33)}
 
 
@@ -194,23 +194,9 @@ def test_names_are_refused_and_limits_are_the_nodes(stage):
 
 
 def open_page(browser, stage, role, errors):
-    page = browser.new_page(viewport={"width": 640, "height": 480})
-    page.set_default_timeout(DEADLINE_MS)
-    page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
-    page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
-    page.goto(f"{stage.address}/{role}#token={stage.tokens[role]}")
-    return page
-
-
-def start_on(page):
-    page.get_by_role("button", name="New").click()
-    page.get_by_label("Arm", exact=True).select_option("right")
-    page.get_by_label("Protocol", exact=True).select_option(PROTOCOL)
-    page.get_by_label("Record").uncheck()
-    page.get_by_label("Ask for pain").uncheck()
-    for box in page.locator(".checks input").all():
-        box.check()
-    page.get_by_role("button", name="Start").click()
+    return opened(
+        browser, stage.page_of(role), errors, (640, 480), lambda said: said.type == "error"
+    )
 
 
 def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
@@ -218,7 +204,7 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     page = open_page(browser, stage, "therapist", errors)
     page.get_by_text("The robot is ready, the torque is on.").wait_for()
     assert page.evaluate("location.hash") == ""  # the token stands in no address bar
-    start_on(page)
+    start_on(page, PROTOCOL)
 
     # A reload in the midst of the movements: the session goes on, no result is lost.
     rows = page.locator(".results tbody tr")
@@ -233,7 +219,7 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     assert page.get_by_text(f"of {MOVEMENTS} targets reached").count() == 1
 
     # The software stop stops.
-    start_on(page)
+    start_on(page, PROTOCOL)
     page.get_by_text(f"movement 1 of {MOVEMENTS}").wait_for()
     page.get_by_role("button", name="Software stop (not the emergency stop)").click()
     stage.ask(lambda robot: robot.wait_until(lambda: stopped(robot), 10.0, "nothing stops"))
