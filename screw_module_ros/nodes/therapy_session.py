@@ -28,6 +28,7 @@ from screw_module_ros import graph
 from screw_module_ros.files import state_folder
 from screw_module_ros.recording.pseudonym import checked_pseudonym
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.arm import WEIGHED, Arm
 from screw_module_ros.therapy.arm_weights import Arms
 from screw_module_ros.therapy.asked import AFTER, ANSWERS, BEFORE, PAUSE, Asked
@@ -416,7 +417,10 @@ class TherapySessionNode(Node):
         held = ANSWERS if course.asked.is_open else ""
         awaits = _WAITS if request.record else held
         course.arm.begin()
-        course.session = Session(protocol, awaits, weight, course.arm.force, sample.sequence)
+        asked = Assistance(request.duration, request.side_stiffness)
+        course.session = Session(
+            protocol, awaits, weight, course.arm.force, sample.sequence, asked
+        )
         course.session.held = held
         course.state.support_since = 0
         course.sent = (None, *course.sent[1:])

@@ -72,6 +72,23 @@ class Assistance(NamedTuple):
     side_stiffness: float
 
 
+USUAL = Assistance(0.0, 0.0)
+"""Asks for nothing: a session begins as its protocol says."""
+
+
+def beginning(bounds: AdaptationBounds | None, usual: Assistance, asked: Assistance) -> Assistance:
+    """Return with what a session begins: what is asked for, within what its protocol may adapt.
+
+    usual: of the protocol, which also counts where it adapts nothing.
+    """
+    if bounds is None or not (asked.duration > 0.0 and asked.side_stiffness >= 0.0):
+        return usual
+    return Assistance(
+        clamp(asked.duration, bounds.shortest, bounds.longest),
+        clamp(asked.side_stiffness, bounds.softest, bounds.stiffest),
+    )
+
+
 class Circuit(NamedTuple):
     """Mean speed and accuracy metrics of a circuit, positive = less assistance needed.
 

@@ -29,8 +29,8 @@ _LATEST = """SELECT *, max(julianday(at)) FROM score
 def patients(record: Record, pseudonym: str = "") -> list[dict[str, Any]]:
     """Return what the list shows of all patients, or of one.
 
-    Last seen, number of sessions, what is due, and what is proposed for the next session: support
-    [N], time [s] and side walls [N/m] of the last one, None where it had none.
+    Last seen, number of sessions, what is due, and what is proposed for the next session: protocol,
+    level and minutes of a game (`trials`), support [N], time [s] and side walls [N/m] of the last one, None where it had none.
     """
     now_s, arms = time.time(), weights_in(weights_file())
     latest: dict[str, dict[str, Any]] = {}
@@ -55,7 +55,7 @@ def patients(record: Record, pseudonym: str = "") -> list[dict[str, Any]]:
             "patient": who, "side": side, "sessions": count[who], "seen": _date(session),
             "closed": "closed" in scores and bool(scores["closed"]["value"]),
             "due": [what for what, is_due in due.items() if is_due],
-            "support": session and session["support"], "duration": wall.get("slot_duration"),
+            **{name: session and session[name] for name in ("protocol", "level", "trials", "support")}, "duration": wall.get("slot_duration"),
             "stiffness": wall.get("side_stiffness"),
         })  # fmt: skip
     return found

@@ -17,6 +17,7 @@ from ..recording.counts import parameter
 from ..recording.decoded import read_bag, topics
 from ..recording.recorder import CLOCK, PARAMETERS
 from ..recording.records import notes
+from .adaptation import USUAL, Assistance
 from .hand import HandSample, hand_sample, ns_of
 from .measures import COLUMNS, FILTERED, Row
 from .protocol import Protocol
@@ -56,7 +57,7 @@ class Recorded(NamedTuple):
     the bag does not tell, as those of older versions and other recorders. arm_weight: at the
     beginning [N], NaN = not weighed; by_hand: number of the sample before the support was set by
     hand, and what was set [N], each time; side: of the arm, empty where nobody said; robot: what
-    stands before the names of its topics; stated_ns: stamp of its first state; told: what the
+    stands before the names of its topics; stated_ns: stamp of its first state; assistance: with which it began; told: what the
     patient told of pain and tiredness, None = nothing yet, and the therapist's word, at each
     change.
     """
@@ -77,6 +78,7 @@ class Recorded(NamedTuple):
     robot: str = "/"
     stated_ns: int = 0
     told: tuple[tuple[float | None, float | None, int], ...] = ()
+    assistance: Assistance = USUAL
 
     @property
     def is_simulated(self) -> bool:
@@ -209,6 +211,7 @@ def _session(
     return Recorded(
         folder, first.patient, protocol, acts, trials, changes, samples, max(hashes),
         arm_weight=getattr(first, "arm_weight", math.nan),
+        assistance=Assistance(first.duration, first.side_stiffness),
         by_hand=tuple(dict.fromkeys(
             (int(state.support_since), state.support)
             for state in states if getattr(state, "support_since", 0)

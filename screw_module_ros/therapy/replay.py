@@ -8,10 +8,12 @@ missing samples and the figures that differ, by trial.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
+from .adaptation import USUAL, Assistance
 from .gaps import Gap, gaps_of
 from .hand import HandSample
 from .measures import COLUMNS, Row
@@ -74,7 +76,7 @@ def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
     return replay(
         recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes,
-        recorded.arm_weight, recorded.by_hand,
+        recorded.arm_weight, recorded.by_hand, recorded.assistance,
     )  # fmt: skip
 
 
@@ -86,17 +88,19 @@ def replay(
     changes: Sequence[Mapping[str, Any]] | None = None,
     arm_weight: float = math.nan,
     by_hand: Sequence[tuple[int, float]] = (),
+    assistance: Assistance = USUAL,
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
     `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
-    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand: as in `Recorded`. Raises
+    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand, assistance: as in `Recorded`. Raises
     ValueError if no act starts the session.
     """
     if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
-    session, used, adapted = _again(protocol, samples, list(acts), arm_weight, list(by_hand))
+    begins = partial(Session, protocol, weight=arm_weight, assistance=assistance)
+    session, used, adapted = _again(begins, samples, list(acts), list(by_hand))
     gaps = gaps_of(used)
     results = session.results if session is not None else []
     problems = [
@@ -116,7 +120,7 @@ def replay(
 
 
 def _again(
-    protocol: Protocol, samples: Iterable[HandSample], acts: list[Act], arm_weight: float,
+    begins: Callable[[], Session], samples: Iterable[HandSample], acts: list[Act],
     by_hand: list[tuple[int, float]],
 ) -> tuple[Session | None, list[HandSample], list[dict[str, Any]]]:
     """Return the session, the samples it used, and its changes of assistance."""
@@ -125,7 +129,7 @@ def _again(
     adapted: list[dict[str, Any]] = []
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
-            session = _acted(protocol, session, acts.pop(0), arm_weight)
+            session = _acted(begins, session, acts.pop(0))
         while by_hand and sequence_gap(by_hand[0][0], sample.sequence) >= 0:
             _, force = by_hand.pop(0)
             if session is not None:
@@ -140,11 +144,11 @@ def _again(
 
 
 def _acted(
-    protocol: Protocol, session: Session | None, act: Act, arm_weight: float
+    begins: Callable[[], Session], session: Session | None, act: Act
 ) -> Session | None:
     if session is None:
         started = act.state == State.RUNNING
-        return Session(protocol, weight=arm_weight) if started else None
+        return begins() if started else None
     if act.state == State.PAUSED:
         session.pause(act.reason)
     elif act.state == State.RUNNING:

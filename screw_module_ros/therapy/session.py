@@ -11,7 +11,7 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
-from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
+from .adaptation import USUAL, Assistance, Change, Circuit, adapted, beginning, circuit_of
 from .hand import OTHER, PLANE, VERTICAL, HandSample, plausible
 from .line import NO_SLOT, Hold, SlotWish
 from .measures import Row
@@ -64,19 +64,21 @@ class Session:
 
     def __init__(
         self, protocol: Protocol, awaits: str = "", weight: float = math.nan, support: float = 0.0,
-        since: int = 0,
+        since: int = 0, assistance: Assistance = USUAL,
     ):  # fmt: skip
         """Begin.
 
         awaits: what it must wait for first, until `begin`; weight: of the arm [N], NaN = not
-        weighed; support: asked for until now [N]; since: number of the newest sample.
+        weighed; support: asked for until now [N]; since: number of the newest sample;
+        assistance: asked for to begin with.
         """
         self.protocol = protocol
         self.since = self._newest = since
         self.state = State.STARTING if awaits else State.RUNNING
         self.reason = awaits
         guidance = protocol.guidance
-        self.assistance = Assistance(guidance.duration, guidance.side_stiffness)
+        usual = Assistance(guidance.duration, guidance.side_stiffness)
+        self.assistance = beginning(protocol.adaptation, usual, assistance)
         self.results: list[Row] = []
         self.changes: list[Change] = []
         self._plans = list(plan(protocol))

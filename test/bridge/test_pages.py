@@ -37,7 +37,7 @@ class PlayedRobot(FakeGateway):
         self.off = False
         self.axis = {"support": 0.0, "support_limit": 25.0, "hand_off": False}
         self.brakes = True
-        self.refuses = False
+        self.refuses = self.refuses_support = False
 
     async def call(self, service, arguments):
         self.calls.append((service, arguments))
@@ -54,6 +54,9 @@ class PlayedRobot(FakeGateway):
         if name == "set_parameters":
             (parameter,) = arguments["parameters"]
             value = parameter["value"]
+            if parameter["name"] == "support.force" and self.refuses_support:
+                why = "more than 2 N over its weight"
+                return {"results": [{"successful": False, "reason": why}]}
             values[parameter["name"]] = value.get("double_value", value.get("bool_value"))
             return {"results": [{"successful": True, "reason": ""}]}
         return {"success": not self.refuses, "message": "", "sessions": 0}
@@ -439,6 +442,59 @@ def test_a_plan_proposes_the_next_and_tells_the_minutes_left_and_ends_with_its_p
     page.get_by_role("button", name="Add to the plan").click()
     field.fill("P-22222")
     assert page.locator(".plan li").count() == 0, "a plan is one patient's"
+
+
+ABOUT = {
+    "patient": "P-7K3QX", "side": "left", "sessions": 3, "protocol": "elevator", "level": "",
+    "trials": 688, "support": 11.04, "duration": 1.2, "stiffness": 140.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("is_refused", [False, True])
+def test_as_last_time_is_set_by_a_button_and_begins_with_start(therapist, wait_until, is_refused):
+    given, page = therapist()
+    page.route("**/record/P-7K3QX/patient", lambda route: route.fulfill(json={"about": ABOUT}))
+    page.get_by_label("Pseudonym of the patient").fill("P-7K3QX")
+    button = page.get_by_role("button", name="As last time")
+    button.click()
+    page.get_by_text("From Start on as last time: left arm, Lifting and lowering").wait_for()
+    assert page.get_by_label("Arm", exact=True).input_value() == "left"
+    protocol = page.get_by_label("Protocol", exact=True)
+    assert protocol.input_value() == "elevator"
+    tick(page)
+
+    def called():
+        names = ("start", "set_parameters")
+        return [(name.rpartition("/")[2], asked) for name, asked in given.robot.calls
+                if name.endswith(names)]  # fmt: skip
+
+    assert called() == [], "nothing is started, and nothing pulls, before Start"
+    given.robot.refuses_support = is_refused
+    page.get_by_role("button", name="Start").click()
+    wait_until(lambda: called()[-1:] and called()[-1][0] == ("start", "set_parameters")[is_refused])
+    (name, asked), *more = called()
+    value = {"type": 3, "double_value": 11.0}
+    assert (name, asked["parameters"]) == (
+        "set_parameters", [{"name": "support.force", "value": value}],
+    )  # fmt: skip
+    if is_refused:
+        given.until_text(page, "more than 2 N over its weight")
+        assert more == []
+        return
+    (_, started), = more
+    assert (started["duration"], started["side_stiffness"]) == (1.2, 140.0)
+    given.until_text(page, "Running", **RUNS)
+    assert not button.is_visible()
+    given.until_text(page, "Finished:", state=FINISHED)
+    page.get_by_role("button", name="P-7K3QX again").click()
+    page.get_by_text("Last time: left arm").wait_for()
+    button.click()
+    protocol.select_option("lift")
+    page.get_by_label("Arm", exact=True).select_option("left")
+    tick(page)
+    page.get_by_role("button", name="Start").click()
+    wait_until(lambda: len(called()) == 3)
+    assert "duration" not in called()[-1][1], "time and walls are those of another protocol"
 
 
 def test_a_free_text_does_not_get_into_the_field(therapist, wait_until):

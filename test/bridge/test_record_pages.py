@@ -197,14 +197,21 @@ def test_what_was_last_time_is_proposed_to_who_types_a_pseudonym(opened):
     field = page.get_by_label("Pseudonym of the patient")
     side = page.get_by_label("Arm", exact=True)
     field.fill("P-22222")
-    page.get_by_text("As last time: right arm").wait_for()
+    page.get_by_text("Last time: right arm").wait_for()
     assert side.input_value() == "right"
     side.select_option("left")  # what was chosen stays
     field.fill(HER)
     page.get_by_text("11.0 N support").wait_for()
     assert side.input_value() == "left"
+    again = page.get_by_role("button", name="As last time")
+    again.click()
+    page.get_by_text("From Start on as last time: left arm").wait_for()
+    assert again.get_attribute("aria-pressed") == "true"
+    again.click()
+    page.get_by_text("From Start on").wait_for(state="hidden")
     field.fill("P-7777A")
     page.get_by_text("11.0 N support").wait_for(state="hidden")
+    assert not again.is_visible()
 
 
 def test_what_is_refused_is_said(opened, folder):

@@ -38,7 +38,7 @@ from screw_module_ros.therapy.arm import Arm
 from screw_module_ros.therapy.asked import GoesOn, Question
 from screw_module_ros.therapy.attendance import Attendance
 from screw_module_ros.therapy.hand import PLANE, SAFETY_OK, hand_sample
-from screw_module_ros.therapy.protocol_file import protocol_text
+from screw_module_ros.therapy.protocol_file import protocol_text, sha256
 from screw_module_ros.therapy.scores import scores_in
 from screw_module_ros.therapy.session import State
 from screw_module_ros.therapy.trial import Phase
@@ -698,6 +698,22 @@ def test_the_therapist_switches_the_sound_of_the_patients_screen(room):
     assert room.node.set_parameters_atomically(changes).successful
     room.go_on(0.1)
     assert room.state.sound
+
+
+@pytest.mark.parametrize(("asked", "begins"), [
+    ((1.2, 140.0), (1.2, 140.0)), ((0.1, 9000.0), (0.7, 300.0)), ((0.0, 0.0), (1.4, 100.0)),
+    ((math.nan, 140.0), (1.4, 100.0)), ((1.2, math.nan), (1.4, 100.0)),
+])  # fmt: skip
+def test_a_session_begins_with_the_assistance_of_last_time_within_what_it_adapts(
+    room, asked, begins
+):  # fmt: skip
+    """The protocol stays what it is, so that sessions of one hash compare."""
+    request = StartTherapy.Request(
+        protocol="clock_adaptive", patient="P-7K3QX", duration=asked[0], side_stiffness=asked[1]
+    )
+    assert room.call("~/start", request) == ""
+    assert (room.state.duration, room.state.side_stiffness) == begins
+    assert room.state.definition_sha256 == sha256(protocol_text("clock_adaptive"))
 
 
 def test_a_game_pulls_and_scores_in_its_minutes_and_not_in_a_pause(room):

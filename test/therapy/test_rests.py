@@ -9,6 +9,7 @@ import pytest
 from simulated_patient import HEALTHY, Simulation
 
 from screw_module_ros.settings import SettingError
+from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.protocol import Rest
 from screw_module_ros.therapy.protocol_file import as_yaml, load_protocol, parse_protocol
 from screw_module_ros.therapy.recorded import Act
@@ -49,6 +50,22 @@ def test_a_session_rests_within_its_blocks_and_goes_on_by_itself():
     again = replay(RESTING, samples, [Act(samples[0].sequence - 1, State.RUNNING, "")],
                    session.results)  # fmt: skip
     assert again.problems == []
+
+
+def test_what_a_session_began_with_is_computed_again():
+    """Its walls are those of last time, and what it learns goes on from there."""
+    last = Assistance(1.1, 150.0)
+    block = CLOCK.blocks[1]._replace(circuits=2, targets=BLOCK.targets)
+    protocol = CLOCK._replace(blocks=(block,))
+    session = Session(protocol, assistance=last)
+    assert session.assistance == last != Session(protocol).assistance
+    samples = Simulation(session, HEALTHY, 1).run()
+    assert session.changes[0].before == last
+    begins = [Act(samples[0].sequence - 1, State.RUNNING, "")]
+    rows = [change.row(1) for change in session.changes]
+    again = replay(protocol, samples, begins, session.results, rows, assistance=last)
+    assert again.problems == []
+    assert replay(protocol, samples, begins, session.results, rows).problems
 
 
 def test_a_rest_holds_what_was_held_and_a_pause_in_it_does_not():

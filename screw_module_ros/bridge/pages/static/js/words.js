@@ -96,7 +96,7 @@ export const PAGE = {
   stopped: "The software stop was carried out. What to do now stands beside its button.",
   machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
   protocol: "Protocol", movements: "Protocol (movements), game", games: "Games", level: "Level", minutes: "Minutes",
-  plan: "Add to the plan", record: "Record", start: "Start",
+  plan: "Add to the plan", lastTime: "As last time", record: "Record", start: "Start",
   armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
   rest: "Rest 1 min", rests: "goes on by itself",
   ask: "Ask for pain",
@@ -452,10 +452,10 @@ export function proposal({ support, duration, stiffness }) {
     .map(([value, unit, places]) => `${value.toFixed(places)} ${unit}`).join(", ");
 }
 
-// What is proposed for a patient who is known, as it was last time; "" where nothing was.
-export function asLastTime(about) {
-  const parts = [about.side && `${sideWords(about.side)} arm`, proposal(about)].filter(Boolean).join(", ");
-  return parts && `As last time: ${parts}.`;
+// What was last time of a patient who is known, "" where nothing was; isSet: it is to be so again, title: of its protocol.
+export function asLastTime(about, isSet = false, title = about.protocol) {
+  const parts = [about.side && `${sideWords(about.side)} arm`, title, about.level, proposal(about)].filter(Boolean).join(", ");
+  return parts && `${isSet ? "From Start on as last time" : "Last time"}: ${parts}.`;
 }
 
 export function countWords(about) {

@@ -7,6 +7,7 @@ import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, leftWords, ses
 import { Pace, Plan } from "./plan.js";
 
 const ASK = 32; // of StartTherapy.checks
+const DOUBLE = 3; // ParameterType.msg
 const MOST_MINUTES = 60; // of a game, as its file may have
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
@@ -52,7 +53,7 @@ export class SessionCard {
     const options = protocols.filter(({ levels }) => !levels).map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`));
     const games = protocols.filter(({ levels }) => levels).map(({ name, title }) => el("option", { value: name }, title));
-    this.protocol = el("select", { ariaLabel: PAGE.protocol, onchange: () => this.choose() }, ...options,
+    this.protocol = el("select", { ariaLabel: PAGE.protocol, onchange: () => this.chooseAnother() }, ...options,
       ...(games.length ? [el("optgroup", { label: PAGE.games }, ...games)] : []));
     this.level = el("select", { ariaLabel: PAGE.level });
     this.minutes = el("input", { className: "minutes", type: "number", min: 1, max: MOST_MINUTES, ariaLabel: PAGE.minutes });
@@ -62,6 +63,8 @@ export class SessionCard {
     this.plan = new Plan(() => this.item, (item) => this.propose(item));
     this.pace = new Pace();
     this.left = el("p", { className: "left" });
+    [this.about, this.isAsLast] = [null, false];
+    this.lastTime = el("button", { name: "last_time", type: "button", onclick: () => this.switchLastTime() }, PAGE.lastTime);
     this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
       ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
@@ -85,7 +88,7 @@ export class SessionCard {
         el("label", {}, PAGE.pseudonym, this.patient), el("label", {}, PAGE.armSide, this.side), this.new,
         this.again,
         el("label", { className: "wide" }, PAGE.movements, this.protocol)),
-      this.game, el("div", { className: "row" }, this.plan.button), this.plan.list, this.list,
+      this.game, el("div", { className: "row" }, this.plan.button, this.lastTime), this.plan.list, this.list,
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, PAGE.record),
         el("label", { className: "check" }, this.asks, PAGE.ask), this.start, this.counted), this.missing,
@@ -131,6 +134,35 @@ export class SessionCard {
     if (level) [this.level.value, this.minutes.value] = [level, minutes];
   }
 
+  // What was last time counts for the protocol and the patient of last time.
+  chooseAnother() {
+    this.choose();
+    this.forgetLastTime();
+  }
+
+  forgetLastTime() {
+    this.isAsLast = false;
+    this.sayLastTime();
+  }
+
+  sayLastTime() {
+    const { about, isAsLast } = this;
+    say(this.proposed, about ? asLastTime(about, isAsLast, this.known(about)?.title) : "");
+    this.lastTime.hidden = !this.proposed.textContent || Boolean(this.isOn);
+    this.lastTime.setAttribute("aria-pressed", isAsLast);
+  }
+
+  // Sets the form as it was last time; support, time and walls go with Start, so that nothing moves before.
+  switchLastTime() {
+    const { about } = this, known = this.known(about);
+    this.isAsLast = !this.isAsLast;
+    if (this.isAsLast) {
+      if (about.side) this.side.value = about.side;
+      if (known) this.propose({ name: known.name, level: about.level, minutes: about.trials });
+    }
+    this.sayLastTime();
+  }
+
   // Shows the choices of a game; a protocol has none.
   choose() {
     const { levels = [], minutes, picture = "" } = this.chosen;
@@ -145,7 +177,8 @@ export class SessionCard {
   async count() {
     const patient = this.patient.value;
     say(this.counted, "");
-    say(this.proposed, "");
+    this.about = null;
+    this.forgetLastTime();
     if (!WHOLE.test(patient)) return;
     this.plan.keepFor(patient);
     this.recall(patient);
@@ -160,20 +193,42 @@ export class SessionCard {
     say(this.counted, words);
   }
 
-  // Proposes what was last time: the arm, if none is chosen, and in words support, time and walls.
+  // Proposes what was last time: the arm, if none is chosen; the rest in words, and by a button.
   async recall(patient) {
     const about = await this.recalled(patient).catch(() => null); // without a record nothing is proposed
     if (!about || patient !== this.patient.value || this.isOn) return;
     if (!this.side.value) this.side.value = about.side;
-    say(this.proposed, asLastTime(about));
+    this.about = about;
+    this.sayLastTime();
   }
 
-  submit(event) {
+  async submit(event) {
     event.preventDefault();
     const [protocol, record] = [this.protocol.value, this.record.checked];
     const checks = this.checks.reduce((sum, [bit, box]) => sum + (box.checked ? bit : 0), this.asks.checked ? ASK : 0);
     const game = this.chosen.levels ? { level: this.level.value, minutes: this.playTime } : {};
-    this.ask("therapy_session/start", { ...this.whose(), protocol, record, checks, ...game });
+    const asked = { ...this.whose(), protocol, record, checks, ...game };
+    if (!this.isAsLast) {
+      this.ask("therapy_session/start", asked);
+      return;
+    }
+    const { support, duration, stiffness } = this.about;
+    if (support !== null && !await this.carry(support)) return;
+    this.ask("therapy_session/start", { ...asked, duration: duration ?? 0, side_stiffness: stiffness ?? 0 });
+  }
+
+  // Asks for a support of the arm [N]; returns whether it is given, and tells why not.
+  async carry(support) {
+    const value = { type: DOUBLE, double_value: Math.round(10 * support) / 10 };
+    try {
+      const { results: [{ successful, reason }] } = await this.call(
+        "therapy_session/set_parameters", { parameters: [{ name: "support.force", value }] });
+      if (!successful) this.tell(reason);
+      return successful;
+    } catch (error) {
+      this.tell(failure(error));
+      return false;
+    }
   }
 
   get space() {
@@ -249,7 +304,8 @@ export class SessionCard {
     if (!this.isOn) this.plan.keepFor(patient);
     this.side.value = side ?? "";
     say(this.counted, "");
-    say(this.proposed, "");
+    this.about = null;
+    this.forgetLastTime();
     if (state !== STARTING) this.record.checked = recorded;
     this.again.hidden = true;
     const known = this.known({ protocol });
