@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 import shutil
 import threading
-from datetime import datetime
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings
-from screw_module_ros.recording.pseudonym import checked_pseudonym, owner
+from screw_module_ros.recording.pseudonym import NAMED_DATE, checked_pseudonym, owner
 from screw_module_ros.recording.recorder import (
     PARAMETERS,
     REFUSED,
@@ -48,7 +48,7 @@ from .support.topics import offered
 
 _POLL_S = 0.05
 _MOST_IN_A_SECOND = 100
-_STAMP_LENGTH = len("session_2001_01_31-12_00_00")
+_STAMP_LENGTH = len("session_2001_01_31-12_00_00Z")
 
 
 class RecorderSettings(NamedTuple):
@@ -165,7 +165,7 @@ class SessionRecorder(Node):
         parent = self._parent()
         if name:
             return self._recording(parent / one_name(name, "name"), storage)
-        name = datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
+        name = f"session_{datetime.now(timezone.utc):{NAMED_DATE}Z}"
         for number in range(2, _MOST_IN_A_SECOND):
             try:
                 return self._recording(parent / name, storage)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timezone
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
 
@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.files import state_folder
-from screw_module_ros.recording.pseudonym import checked_pseudonym
+from screw_module_ros.recording.pseudonym import NAMED_DATE, checked_pseudonym
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.arm import WEIGHED, Arm
@@ -426,7 +426,7 @@ class TherapySessionNode(Node):
         course.sent = (None, *course.sent[1:])
         self._recording.folder = None
         if request.record:
-            date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
+            date = f"{datetime.now(timezone.utc):{NAMED_DATE}Z}"
             self._recording.ask(f"{patient}_{protocol.name}_{date}")
         hand = None if course.arm.hangs(sample) else sample.position
         self._wishes.begin(self.parameters.read(WishLimits, "wish"), hand, now_ns)

@@ -17,6 +17,8 @@ ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Digits and capitals without easily confused ones: 0 O, 1 I L, U."""
 LENGTH = 5
 _FORM = rf"P-[{ALPHABET}]{{{LENGTH}}}"
+NAMED_DATE = "%Y_%m_%d-%H_%M_%S"
+"""Date in the name of a bag: in UTC, with a Z behind it, so that names sort and say one moment."""
 PATTERN = re.compile(rf"(?=.*[2-9]){_FORM}")
 """With a digit: else a name of five letters would be one."""
 

@@ -22,6 +22,7 @@ _TOLD = (
     "protocol", "level", "side", "simulated", "trials", "minutes", "outcome",
     "support", "software", "law",
 )  # fmt: skip
+_AGAIN = ("protocol", "level", "trials", "support")  # what is proposed of the last session
 _LATEST = """SELECT *, max(julianday(at)) FROM score
   WHERE ? IN ('', pseudonym) GROUP BY pseudonym, scale"""
 
@@ -30,7 +31,8 @@ def patients(record: Record, pseudonym: str = "") -> list[dict[str, Any]]:
     """Return what the list shows of all patients, or of one.
 
     Last seen, number of sessions, what is due, and what is proposed for the next session: protocol,
-    level and minutes of a game (`trials`), support [N], time [s] and side walls [N/m] of the last one, None where it had none.
+    level and minutes of a game (`trials`), support [N], time [s] and side walls [N/m] of the last
+    one, None where it had none.
     """
     now_s, arms = time.time(), weights_in(weights_file())
     latest: dict[str, dict[str, Any]] = {}
@@ -55,8 +57,8 @@ def patients(record: Record, pseudonym: str = "") -> list[dict[str, Any]]:
             "patient": who, "side": side, "sessions": count[who], "seen": _date(session),
             "closed": "closed" in scores and bool(scores["closed"]["value"]),
             "due": [what for what, is_due in due.items() if is_due],
-            **{name: session and session[name] for name in ("protocol", "level", "trials", "support")}, "duration": wall.get("slot_duration"),
-            "stiffness": wall.get("side_stiffness"),
+            **{name: session and session[name] for name in _AGAIN},
+            "duration": wall.get("slot_duration"), "stiffness": wall.get("side_stiffness"),
         })  # fmt: skip
     return found
 

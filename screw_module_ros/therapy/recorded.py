@@ -15,6 +15,7 @@ from .. import graph
 from ..recording.bag import BagError
 from ..recording.counts import parameter
 from ..recording.decoded import read_bag, topics
+from ..recording.pseudonym import NAMED_DATE
 from ..recording.recorder import CLOCK, PARAMETERS
 from ..recording.records import notes
 from .adaptation import USUAL, Assistance
@@ -29,7 +30,7 @@ _SIMULATED_S = 365 * 86400  # a bag that does not tell is simulated below this s
 _TELLING = ("therapy_session", "endpoint_state", "session_recorder")
 """Nodes that tell which clock stamps are of."""
 _ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
-_DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
+_DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\dZ?")
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
 _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
 
@@ -57,9 +58,9 @@ class Recorded(NamedTuple):
     the bag does not tell, as those of older versions and other recorders. arm_weight: at the
     beginning [N], NaN = not weighed; by_hand: number of the sample before the support was set by
     hand, and what was set [N], each time; side: of the arm, empty where nobody said; robot: what
-    stands before the names of its topics; stated_ns: stamp of its first state; assistance: with which it began; told: what the
+    stands before the names of its topics; stated_ns: stamp of its first state; told: what the
     patient told of pain and tiredness, None = nothing yet, and the therapist's word, at each
-    change.
+    change; assistance: with which it began.
     """
 
     folder: Path
@@ -97,8 +98,8 @@ class Recorded(NamedTuple):
 
         Stamps of the system clock are shown with the offset that the bag states, without one in
         UTC. Simulated ones count from the beginning of the recording; where the bag does not state
-        it, the folder's name has it, which is a local time without an offset, unless it was
-        renamed.
+        it, the folder's name has it, unless it was renamed: in UTC, or, without a Z, a local time
+        without an offset.
         """
         if not self.is_simulated:
             zone = self.recorded_at.tzinfo if self.recorded_at else timezone.utc
@@ -115,10 +116,14 @@ class Recorded(NamedTuple):
 
 
 def _named_date(folder: Path) -> datetime | None:
-    """Return the local time in a folder's name, which the session's node gives it, or None."""
+    """Return the time in a folder's name, which the session's node gives it, or None.
+
+    It is UTC with a Z behind it; names of older versions have none, and are a local time.
+    """
     found = _DATE.search(folder.resolve().name)
     try:
-        return datetime.strptime(found[0], "%Y_%m_%d-%H_%M_%S") if found else None
+        form = NAMED_DATE + "%z" * (found is not None and found[0].endswith("Z"))
+        return datetime.strptime(found[0], form) if found else None
     except ValueError:  # no date
         return None
 

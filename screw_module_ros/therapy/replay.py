@@ -94,8 +94,8 @@ def replay(
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
     `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
-    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand, assistance: as in `Recorded`. Raises
-    ValueError if no act starts the session.
+    AssistanceChange.msg, None = not compared; arm_weight [N]; by_hand, assistance: as in
+    `Recorded`. Raises ValueError if no act starts the session.
     """
     if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")

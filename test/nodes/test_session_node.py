@@ -7,6 +7,8 @@ A recorder that hangs, dies or whose disk is full holds up no session, and none 
 from __future__ import annotations
 
 import math
+import time
+from datetime import datetime, timezone
 from types import SimpleNamespace
 
 import pytest
@@ -741,6 +743,22 @@ def test_a_game_pulls_and_scores_in_its_minutes_and_not_in_a_pause(room):
     assert room.call("~/start", START) == "" and not pulled()
     refused = StartTherapy.Request(protocol="fruit", patient="P-7K3QX", level="hard")
     assert "level = 'hard': one of near, middle, far" in room.call("~/start", refused)
+
+
+def test_a_bag_is_named_by_utc_wherever_the_clinic_is(room, monkeypatch):
+    """A local time without its zone is two moments in one night of autumn."""
+    names = []
+    monkeypatch.setattr(SessionRecording, "ask", lambda self, name: names.append(name))
+    before = datetime.now(timezone.utc).replace(microsecond=0)
+    monkeypatch.setenv("TZ", "Asia/Kolkata")
+    time.tzset()
+    request = StartTherapy.Request(protocol="evaluation", patient="P-7K3QX", record=True)
+    assert room.call("~/start", request) == ""
+    monkeypatch.undo()
+    time.tzset()
+    (name,) = names
+    named = datetime.strptime(name, "P-7K3QX_evaluation_%Y_%m_%d-%H_%M_%S%z")
+    assert before <= named <= datetime.now(timezone.utc) and name.endswith("Z")
 
 
 def test_the_patient_ends_a_weighing_and_the_arm_is_brought_back(room):

@@ -68,7 +68,7 @@ def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
     for _ in range(3):
         folders.append(Path(called(recorder, "start")))
         called(recorder, "stop")
-    stem = "session_2001_01_31-12_00_00"
+    stem = "session_2001_01_31-12_00_00Z"
     assert [f.name for f in folders] == [stem, f"{stem}_2", f"{stem}_3"]
     assert all((folder / "metadata.yaml").is_file() for folder in folders)
 

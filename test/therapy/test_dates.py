@@ -70,6 +70,9 @@ DATES = {
     "an older simulated bag": (
         (900, "", None, "P-7K3QX_elevator_2026_03_03-13_05_00"), "2026-03-03 13:05, simulated"
     ),
+    "a simulated bag of another recorder, named in UTC": (
+        (900, "", None, "P-7K3QX_elevator_2026_03_03-12_05_00Z"), "2026-03-03 12:05, simulated"
+    ),
     "an older simulated bag that was renamed": ((900,), "simulated"),
 }  # fmt: skip
 
