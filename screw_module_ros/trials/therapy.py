@@ -32,6 +32,11 @@ _STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], 
 _CENTRE, _TO_CENTRE_S = (0.0, 0.0, 0.18), 0.5
 _LOOK_S = 0.05
 _BRAKES = "-p", "amplifier:stop_reaction:=brake"  # else no more than 8 N of an arm may be carried
+_LETS_GO = "Enter: the patient lets go of the handle, as for weighing, or takes hold."
+_WITHOUT_TERMINAL = (
+    "No terminal here: the patient lets go of the handle, as for weighing, when "
+    "/sim_rig/set_fixture is called with {fixture: free}, and takes hold with {fixture: human_arm}."
+)
 HEALTHY = "healthy"
 
 
@@ -115,8 +120,7 @@ def serve(
     """
     hand = make_ready(robot, console, takes)
     click.echo("Open in a browser; Ctrl-C here ends everything.")
-    if sys.stdin.isatty():
-        click.echo("Enter: the patient lets go of the handle, as for weighing, or takes hold.")
+    click.echo(_LETS_GO if sys.stdin.isatty() else _WITHOUT_TERMINAL)
     for role, token in tokens.items():
         click.echo(f"  {role:9}  http://127.0.0.1:{port}/{role}#token={token}")
     told = False
