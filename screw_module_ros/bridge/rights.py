@@ -47,7 +47,7 @@ SILENT = ("get_parameters", "describe_parameters")
 """Services that a page calls by itself, so that they are no action of a person."""
 PRESSES = {
     PATIENT: ("back", "language", "hand", "sound", "full", "fruit", "free"),
-    THERAPIST: ("fresh", "again", "plan", "last_time"),
+    THERAPIST: ("fresh", "again", "plan", "last_time", "language"),
 }
 """Buttons that ask nothing of the robot, by their `name` in a page: all that it may tell of them,
 so that nothing typed gets into a bag."""

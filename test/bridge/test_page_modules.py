@@ -253,6 +253,61 @@ def test_the_patient_is_told_what_to_do_now(result_of, state, told):
     """) == told
 
 
+TOLD = re.compile(r'\bt\(\s*"((?:[^"\\\\]|\\\\.)*)"')
+TABLES = ("PAGE", "CHECKS", "LIMITS", "RECORD", "SCALES")
+
+
+def told_by_the_words(result_of):
+    """Return the English sentences of the pages, with those of tables, and the German ones."""
+    text = (FOLDER / "js" / "words.js").read_text("utf-8")
+    english, german, kept = result_of(f"""
+        import * as words from "./js/words.js";
+        import {{ GERMAN, OF_NODES }} from "./js/german.js";
+        const texts = (value) =>
+          typeof value === "string" ? [value] : Object.values(value).flatMap(texts);
+        const tables = {json.dumps(TABLES)}.flatMap((name) => texts(words[name]));
+        const result = [tables, GERMAN, OF_NODES];
+    """)
+    return {*TOLD.findall(text), *filter(None, english)}, german, kept
+
+
+def test_no_sentence_of_the_therapists_pages_is_missing_in_german_or_left_over(result_of):
+    english, german, kept = told_by_the_words(result_of)
+    assert english == set(german)
+    for one, other in [*german.items(), *kept.items()]:
+        places = [sorted(re.findall(r"\{\d\}", each)) for each in (one, other)]
+        assert other.strip() and places[0] == places[1], one
+
+
+def test_every_sentence_of_the_words_goes_through_the_language():
+    """One that stands alone would stay English."""
+    text = re.sub(r"//.*", "", (FOLDER / "js" / "words.js").read_text("utf-8"))
+    text = TOLD.sub("", re.sub(r"= table\(\{.*?\n\}\);", "", text, flags=re.S))
+    filled = [re.sub(r"\$\{[^}]*\}", "", each) for each in re.findall(r"`([^`]*)`", text)]
+    alone = [each for each in [*re.findall(r'"([^"\n]*)"', text), *filled]
+             if re.search(r"[a-z]{2} [a-z]{2}", each)]  # fmt: skip
+    # What the nodes say, to know it again.
+    assert set(alone) <= {"the patient asked", "the therapist paused it", "emergency stop"}
+
+
+def test_german_sentences_are_filled_in_and_what_nodes_say_is_known(result_of):
+    assert result_of("""
+        globalThis.localStorage = { getItem: () => "de" };
+        const words = await import("./js/words.js");
+        const state = { state: 2, patient: "P-7K3QX", protocol: "x", trial: 2, trials: 9,
+          reason: "the arm pulls hard", recorded: true, kind: "reach", rest: null };
+        const about = { side: "left", protocol: "lift", level: "", support: 6, stiffness: 80 };
+        const result = [words.sessionSentence(state, []), words.toTick("A"),
+          words.badge({ state: 1 }, { level: 0 })[0], words.asLastTime(about),
+          words.measureTitle({ label: "path error", unit: "mm" })];
+    """) == [
+        "P-7K3QX: x. Pause, Bewegung 2 von 9: der Arm zieht stark. Sie wird aufgezeichnet.",
+        "Noch anzukreuzen: A.", "▶\ufe0e Läuft",
+        "Letztes Mal: Arm links, lift, 6.0 N Stütze, 80 N/m Seitenwände.",
+        "Abstand von der Geraden [mm]",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != GAME])
 def test_every_kind_of_trial_has_its_words(result_of, kind):
     assert result_of(f"""
@@ -684,12 +739,13 @@ def test_an_error_has_a_sentence(result_of, error, told):
     assert result_of(script) == told
 
 
-def test_sentences_stand_in_two_modules():
+def test_sentences_stand_in_three_modules():
     """The places to translate: of the therapist's page, and of the patient's screen."""
     sentence = re.compile(r"""["`][A-Z][a-z]+ [a-z][^"`]*["`]""")
     for file in (FOLDER / "js").rglob("*.js"):
         found = sentence.findall(file.read_text("utf-8"))
-        assert bool(found) == (file.name in ("words.js", "languages.js")), f"{file.name}: {found}"
+        has_words = file.name in ("words.js", "languages.js", "german.js")
+        assert bool(found) == has_words, f"{file.name}: {found}"
 
 
 def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):

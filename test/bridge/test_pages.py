@@ -630,6 +630,27 @@ def test_the_patients_screen_speaks_german(patient):
     given.until_text(page, "Pick fruit")
 
 
+@pytest.mark.parametrize("size", [(1280, 720), (800, 1280), (1280, 800)])
+def test_the_therapists_page_speaks_german_and_keeps_it(therapist, size):
+    given, page = therapist(size=size)
+    page.get_by_role("button", name="Deutsch").click()
+    page.get_by_role("button", name="English").wait_for()  # it is loaded anew
+    given.until_text(page, "Der Roboter ist bereit, das Drehmoment ist an.")
+    assert page.evaluate("document.documentElement.lang") == "de"
+    page.reload()
+    given.until_text(page, "Drücken Sie Neu für ein Pseudonym")
+    start = page.get_by_role("button", name="Start", exact=True)
+    assert start.is_disabled() and "Ein Pseudonym wie P-7K3QX fehlt" in page.inner_text(".missing")
+    runs = "P-7K3QX: Heben und Senken, Hilfe nach Bedarf. Läuft, Bewegung 1 von"
+    given.until_text(page, runs, **RUNS)
+    given.until_text(page, "der Patient wollte es", state=PAUSED, reason="the patient asked")
+    wide = page.evaluate("[document.body.scrollWidth, window.innerWidth]")
+    assert wide[0] <= wide[1], "no sentence makes the page wider than the screen"
+    page.get_by_role("button", name="English").click()
+    page.get_by_role("button", name="Deutsch").wait_for()
+    given.until_text(page, "The robot is ready, the torque is on.")
+
+
 def test_the_page_says_why_an_arm_that_nothing_carries_fails(therapist):
     given, page = therapist()
     given.robot.hand = {"x": 0, "y": 0, "z": 0.021}

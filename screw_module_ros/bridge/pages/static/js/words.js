@@ -7,16 +7,17 @@ import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
   SAFETY_STOPPED, STARTING, WAIT, isResting, isUnderWay, isWeighed,
 } from "./link.js";
+import { said, t, table } from "./language.js";
 import { LANGUAGES, chosenLanguage } from "./patient/languages.js";
 
 // Why something did not work ----------------------------------------------------------------
 
 const FAILURES = {
-  lost: () => "the connection to the robot was lost",
-  closed: () => "there is no connection to the robot",
-  unanswered: (service) => `${service} did not answer`,
-  silent: () => "The bridge does not answer.",
-  refused: (why) => `Not let in: ${why}`,
+  lost: () => t("the connection to the robot was lost"),
+  closed: () => t("there is no connection to the robot"),
+  unanswered: (service) => t("{0} did not answer", service),
+  silent: () => t("The bridge does not answer."),
+  refused: (why) => t("Not let in: {0}", why),
 };
 
 // The sentence of an error; the bridge and the nodes send sentences themselves.
@@ -86,7 +87,7 @@ export function gameLine({ score, picked, basket, streak }) {
 
 // The therapist's page ----------------------------------------------------------------------
 
-export const PAGE = {
+export const PAGE = table({
   title: "Therapist's page", patients: "Patients", connecting: "Connecting …", connected: "Connected",
   unconnected: "No connection: a session that runs pauses by itself",
   lost: "The connection is lost. This page connects again by itself.",
@@ -118,23 +119,23 @@ export const PAGE = {
   axes: ["x right", "y away", "z up"],
   results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
   assistance: "Assistance", changes: "Changes of the assistance", noChange: "No change yet.",
-};
+});
 
 // What is ticked before a session, by the bits of StartTherapy.srv.
-export const CHECKS = {
+export const CHECKS = table({
   1: "Strap closed", 2: "Emergency stop tried today", 4: "Arm rest in place, or the lap is free",
   8: "Chair and handle as noted", 16: "Arm weighed, or hangs as last time",
-};
+});
 
 export function toTick(words) {
-  return `To be ticked: ${words}.`;
+  return t("To be ticked: {0}.", words);
 }
 
-export const LIMITS = {
+export const LIMITS = table({
   "assistance.stiffness": "Stiffest wall, next session", "wish.half_width": "Workspace, left and right",
   "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
   "wish.high": "Workspace, greatest height", "wish.speed": "Greatest speed of games",
-};
+});
 
 // The support of the arm ----------------------------------------------------------------------
 
@@ -147,10 +148,10 @@ function newtons(force) {
 // The largest support [N] and why it is no more. weight: of the arm [N], null if it is not known.
 export function supportLimit(weight, controller, drive) {
   const limits = [weight === null
-    ? [UNWEIGHED, "the arm is not weighed"] : [weight + OVER, `the arm's weight and ${OVER} N`]];
+    ? [UNWEIGHED, t("the arm is not weighed")] : [weight + OVER, t("the arm's weight and {0} N", OVER)]];
   if (controller) {
-    const reason = controller.support_limit === 0 ? "this mode feeds no force back: choose mode 3, 4 or 5"
-      : drive && !drive.brakes ? "at a stop the drive coasts, so the arm falls" : "the robot carries no more";
+    const reason = controller.support_limit === 0 ? t("this mode feeds no force back: choose mode 3, 4 or 5")
+      : drive && !drive.brakes ? t("at a stop the drive coasts, so the arm falls") : t("the robot carries no more");
     limits.push([controller.support_limit, reason]);
   }
   return limits.reduce((least, each) => (each[0] < least[0] ? each : least));
@@ -162,15 +163,15 @@ export function supportShare(force, weight) {
 }
 
 export function supportSentence(controller, most, reason) {
-  if (!controller) return "The vertical axis is silent.";
-  if (controller.hand_off) return "The hand has left the handle: the support is away until it is back.";
-  return `In use ${newtons(controller.support)}, at most ${newtons(most)}: ${reason}.`;
+  if (!controller) return t("The vertical axis is silent.");
+  if (controller.hand_off) return t("The hand has left the handle: the support is away until it is back.");
+  return t("In use {0}, at most {1}: {2}.", newtons(controller.support), newtons(most), reason);
 }
 
 // The button of the dialogue that weighs the arm.
 export function weighWords(state) {
-  if (!isWeighed(state)) return "Weigh the arm";
-  return state.phase === WAIT ? "Strapped in: go on" : "End the weighing";
+  if (!isWeighed(state)) return t("Weigh the arm");
+  return state.phase === WAIT ? t("Strapped in: go on") : t("End the weighing");
 }
 
 // What the arm weighs, and what the dialogue that weighs it waits for or has found.
@@ -178,30 +179,30 @@ export function armSentence(state) {
   if (!state) return "";
   const { arm, arm_weight: weight, arm_spread: spread } = state;
   if (arm) return `${arm[0].toUpperCase()}${arm.slice(1)}.`;
-  return weight === null ? "The arm is not weighed." : `The arm weighs ${newtons(weight)}; its places differ by ${newtons(spread)}.`;
+  return weight === null ? t("The arm is not weighed.") : t("The arm weighs {0}; its places differ by {1}.", newtons(weight), newtons(spread));
 }
 
 // What the software stop does to the arm.
 export function stopSays(drive) {
-  return drive?.brakes ? "torque off: the arm sinks, then falls" : "torque off: the arm falls";
+  return drive?.brakes ? t("torque off: the arm sinks, then falls") : t("torque off: the arm falls");
 }
 
 export function robotTitle(robot) {
-  return `Robot ${robot.slice(1)}`;
+  return t("Robot {0}", robot.slice(1));
 }
 
 export function stopFailed(why) {
-  return `The software stop failed: ${why}. Use the emergency stop.`;
+  return t("The software stop failed: {0}. Use the emergency stop.", why);
 }
 
 // What stands beside Start; count: of the sessions recorded so far.
 export function sessionOf(count) {
-  return count ? `session ${count + 1}` : "first session";
+  return count ? t("session {0}", count + 1) : t("first session");
 }
 
 // next: what is planned for him, undefined for nothing.
 export function again(patient, next) {
-  return next ? `${patient}, next: ${next.title}` : `${patient} again`;
+  return next ? t("{0}, next: {1}", patient, said(next.title)) : t("{0} again", patient);
 }
 
 function minutesWords(minutes) {
@@ -210,25 +211,25 @@ function minutesWords(minutes) {
 
 // What is planned, and about how long it takes.
 export function planned({ title, level, minutes }) {
-  return `${[title, level].filter(Boolean).join(", ")}: ${minutesWords(minutes)}`;
+  return `${[said(title), level].filter(Boolean).join(", ")}: ${minutesWords(minutes)}`;
 }
 
 export function remove({ title }) {
-  return `Take ${title} out of the plan`;
+  return t("Take {0} out of the plan", said(title));
 }
 
 // left: of the session [min], null if that is not known; planned: all that is planned after it [min].
 export function leftWords(left, planned) {
   if (left === null) return "";
-  return `About ${minutesWords(left)} left${planned ? `, ${minutesWords(left + planned)} with the plan` : ""}.`;
+  return planned ? t("About {0} left, {1} with the plan.", minutesWords(left), minutesWords(left + planned)) : t("About {0} left.", minutesWords(left));
 }
 
 export function patientSound(isOn) {
-  return `Patient's sound: ${isOn ? "on" : "off"}`;
+  return isOn ? t("Patient's sound: on") : t("Patient's sound: off");
 }
 
 export function wasSet(name) {
-  return `${LIMITS[name]}: set.`;
+  return t("{0}: set.", LIMITS[name]);
 }
 
 export function quantity(value, unit) {
@@ -237,45 +238,47 @@ export function quantity(value, unit) {
 
 // Title of a measure's column, as `Peak speed [mm/s]`.
 export function measureTitle({ label, unit }) {
-  const words = label[0].toUpperCase() + label.slice(1);
+  const word = said(label);
+  const words = word[0].toUpperCase() + word.slice(1);
   return unit ? `${words} [${unit}]` : words;
 }
 
 // reaches, alone: results of the reaches, and of those without assistance.
 export function resultSentence(patient, reaches, alone) {
-  const apart = alone.length && alone.length < reaches.length
-    ? `, without assistance ${counted(alone)}` : "";
-  return `${patient}: ${counted(reaches)} targets reached${apart}`;
+  const isApart = alone.length && alone.length < reaches.length;
+  return isApart ? t("{0}: {1} targets reached, without assistance {2}", patient, counted(reaches), counted(alone))
+    : t("{0}: {1} targets reached", patient, counted(reaches));
 }
 
 // rows: results of the minutes of a game.
 export function playSentence(patient, rows) {
   const told = rows.map(({ score }) => score).filter((score) => score != null).map((score) => `${(100 * score).toFixed(0)} %`);
-  return `${patient}: ${rows.length} min of play${told.length ? `, score ${told.slice(-SCORES).join(", ")}` : ""}`;
+  return told.length ? t("{0}: {1} min of play, score {2}", patient, rows.length, told.slice(-SCORES).join(", "))
+    : t("{0}: {1} min of play", patient, rows.length);
 }
 
 const SCORES = 6; // of the last minutes
 
 function counted(reaches) {
-  return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
+  return t("{0} of {1}", reaches.filter(({ reached }) => reached).length, reaches.length);
 }
 
 // The assistance in use now.
 export function assistanceSentence(state) {
   if (!isUnderWay(state)) return "";
-  if (state.kind === "game") return "Now: a game, without walls";
+  if (state.kind === "game") return t("Now: a game, without walls");
   const { assisted, duration, side_stiffness: side } = state;
-  return assisted ? `Now: ${duration.toFixed(2)} s a movement, side walls ${side.toFixed(0)} N/m` : "Now: without assistance";
+  return assisted ? t("Now: {0} s a movement, side walls {1} N/m", duration.toFixed(2), side.toFixed(0)) : t("Now: without assistance");
 }
 
 export function changeSentence({ block, circuit, duration, side, reason }) {
-  return `Block ${block}, circuit ${circuit}: ${duration.toFixed(2)} s, side walls ${side.toFixed(0)} N/m; ${reason}`;
+  return t("Block {0}, circuit {1}: {2} s, side walls {3} N/m; {4}", block, circuit, duration.toFixed(2), side.toFixed(0), reason);
 }
 
 const PHASES = {
-  [PREPARE]: "the robot brings the hand to the start and holds it there", [WAIT]: "the target is shown",
-  [MOVING]: "the patient moves", [OVER_TIME]: "over time, the wall stiffens slowly",
-  [REACHED]: "reached",
+  [PREPARE]: t("the robot brings the hand to the start and holds it there"), [WAIT]: t("the target is shown"),
+  [MOVING]: t("the patient moves"), [OVER_TIME]: t("over time, the wall stiffens slowly"),
+  [REACHED]: t("reached"),
 };
 
 function localTime(date) {
@@ -284,58 +287,61 @@ function localTime(date) {
 
 // Where the session is, in one sentence; since: when that began, a Date, null if this page has not seen it.
 export function sessionSentence(state, protocols, since = null) {
-  if (!state) return "The session node is silent.";
-  const at = since ? `, at ${localTime(since)}` : "";
-  const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
-  const kept = state.recorded ? "It is recorded." : "It is not recorded.";
+  if (!state) return t("The session node is silent.");
+  const at = since ? t(", at {0}", localTime(since)) : "";
+  const title = said(protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol);
+  const reason = said(state.reason);
+  const kept = state.recorded ? t("It is recorded.") : t("It is not recorded.");
   const isGame = state.kind === "game";
-  const count = `${isGame ? `${state.block}, minute` : "movement"} ${state.trial} of ${state.trials}`;
+  const count = isGame ? t("{0}, minute {1} of {2}", state.block, state.trial, state.trials)
+    : t("movement {0} of {1}", state.trial, state.trials);
   switch (state.state) {
     case RUNNING: {
       const isAlone = state.phase === OVER_TIME && !state.assisted; // there is no wall
-      const words = isGame ? "the patient plays" : isAlone ? "over time" : PHASES[state.phase];
+      const words = isGame ? t("the patient plays") : isAlone ? t("over time") : PHASES[state.phase];
       const phase = words ? `: ${words}` : "";
-      return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
+      return t("{0}: {1}. Running, {2}. {3}", state.patient, title, count + phase, kept);
     }
     case STARTING:
-      if (state.asks) return `${state.patient}: ${title}. Starting: the patient is asked on his screen; Resume goes on without.`;
-      return `${state.patient}: ${title}. Starting: ${state.reason}.`;
+      if (state.asks) return t("{0}: {1}. Starting: the patient is asked on his screen; Resume goes on without.", state.patient, title);
+      return t("{0}: {1}. Starting: {2}.", state.patient, title, reason);
     case PAUSED:
-      if (isResting(state)) return `${state.patient}: ${title}. ${count}: a rest, ${whole(state.rest)} s left; Resume ends it. ${kept}`;
-      return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}${at}. ${kept}`;
+      if (isResting(state)) return t("{0}: {1}. {2}: a rest, {3} s left; Resume ends it. {4}", state.patient, title, count, whole(state.rest), kept);
+      return t("{0}: {1}. Paused, {2}: {3}{4}. {5}", state.patient, title, count, reason, at, kept);
     case FINISHED:
-      return `${state.patient}. Finished: ${title}, ${state.trials} ${isGame ? "min" : "movements"}.`;
+      return isGame ? t("{0}. Finished: {1}, {2} min.", state.patient, title, state.trials)
+        : t("{0}. Finished: {1}, {2} movements.", state.patient, title, state.trials);
     case ABORTED:
-      return `${state.patient}: ${title}. Ended before its time: ${state.reason}${at}.`;
+      return t("{0}: {1}. Ended before its time: {2}{3}.", state.patient, title, reason, at);
     default:
-      return "Press New for a pseudonym, choose arm and protocol, tick the list, press Start.";
+      return t("Press New for a pseudonym, choose arm and protocol, tick the list, press Start.");
   }
 }
 
-const ASKED = { 1: "The patient is asked for pain on his screen.", 2: "The patient is asked for tiredness on his screen." };
+const ASKED = { 1: t("The patient is asked for pain on his screen."), 2: t("The patient is asked for tiredness on his screen.") };
 const GO_ON = 1; // of TherapyState.goes_on
 
 // What the patient has told of pain and tiredness, [sentence, whether the therapist is asked to go on].
 export function askedSentence(state) {
   if (!state) return ["", false];
-  const told = [["pain", state.pain], ["tiredness", state.tired]].filter(([, value]) => value != null)
-    .map(([name, value]) => `${name} ${value} of 10`).join(", ");
+  const told = [state.pain != null && t("pain {0} of 10", state.pain), state.tired != null && t("tiredness {0} of 10", state.tired)]
+    .filter(Boolean).join(", ");
   const isAsked = state.goes_on === GO_ON && isUnderWay(state);
   const now = ASKED[state.asks] ?? "";
-  const tells = told && `He tells ${told}.`;
-  return [[now, tells, isAsked && !now ? "Go on? Resume is yes, End session is no." : ""].filter(Boolean).join(" "), isAsked];
+  const tells = told && t("He tells {0}.", told);
+  return [[now, tells, isAsked && !now ? t("Go on? Resume is yes, End session is no.") : ""].filter(Boolean).join(" "), isAsked];
 }
 
 const BADGES = {
-  [RUNNING]: ["▶\ufe0e Running", "running"], [STARTING]: ["… Starting", "paused"],
-  [PAUSED]: ["❚❚ Paused", "paused"], [FINISHED]: ["✓ Finished", ""], [ABORTED]: ["✕ Ended", ""],
+  [RUNNING]: [`▶\ufe0e ${t("Running")}`, "running"], [STARTING]: [`… ${t("Starting")}`, "paused"],
+  [PAUSED]: [`❚❚ ${t("Paused")}`, "paused"], [FINISHED]: [`✓ ${t("Finished")}`, ""], [ABORTED]: [`✕ ${t("Ended")}`, ""],
 };
 
 // The state at a glance, [sign and word, its kind].
 export function badge(state, safety) {
-  if (safety?.level === SAFETY_STOPPED) return ["■ Stopped", "stopped"];
-  if (safety?.level !== SAFETY_OK) return ["… Waiting", "paused"];
-  return BADGES[state?.state] ?? ["○ No session", ""];
+  if (safety?.level === SAFETY_STOPPED) return [`■ ${t("Stopped")}`, "stopped"];
+  if (safety?.level !== SAFETY_OK) return [`… ${t("Waiting")}`, "paused"];
+  return BADGES[state?.state] ?? [`○ ${t("No session")}`, ""];
 }
 
 // What to hear of a change of the state, the name of a tone; "" for none. The therapist's own pause and a rest need none.
@@ -352,16 +358,15 @@ export function hangsSentence(state, endpoint, space) {
   if (!isUnderWay(state) || space === "plane" || !endpoint?.valid[2] || Math.abs(state.support) > CARRIES) return "";
   const isLow = endpoint.position.z < FLOOR;
   if (!isLow && endpoint.force.z > HANGS) return "";
-  const what = isLow ? "The arm has sunk to the bottom" : "The arm hangs on the handle";
-  return `${what}, and nothing carries it: pause, weigh the arm and give support.`;
+  return isLow ? t("The arm has sunk to the bottom, and nothing carries it: pause, weigh the arm and give support.")
+    : t("The arm hangs on the handle, and nothing carries it: pause, weigh the arm and give support.");
 }
 
 // What to do after a stop. Only an operator resets it: no page has that right.
 function wayOut(state) {
   const isOn = isUnderWay(state);
-  const after = isOn ? "Resume, which repeats the movement, or End session" : "Start";
-  return "See to the patient first. This page cannot start the robot again: ask its operator to remove "
-    + `the cause, reset the stop and switch the torque on at the robot's computer. Then press ${after}.`;
+  const after = isOn ? t("Resume, which repeats the movement, or End session") : PAGE.start;
+  return t("See to the patient first. This page cannot start the robot again: ask its operator to remove the cause, reset the stop and switch the torque on at the robot's computer. Then press {0}.", after);
 }
 
 // The supervisor's word for a stop by `estop`, which is all that this page's button does.
@@ -379,22 +384,22 @@ export function unready(safety, endpoint, controller, state, space) {
 
 // What stands in the way of motion, [sentence, whether it is bad].
 export function safetySentence(safety, endpoint, state) {
-  if (!safety) return ["The supervisor says nothing: no motion is permitted.", true];
-  const told = safety.reasons.map((each) => (each === ESTOP ? "the software stop was asked for" : each));
-  const reasons = told.join("; ");
+  if (!safety) return [t("The supervisor says nothing: no motion is permitted."), true];
+  const told = safety.reasons.map((each) => (each === ESTOP ? t("the software stop was asked for") : said(each)));
+  const reasons = told.join("; ") || t("no reason told");
   if (safety.level === SAFETY_STOPPED) {
-    return [`The robot has stopped: ${reasons || "no reason told"}. ${wayOut(state)}`, true];
+    return [t("The robot has stopped: {0}. {1}", reasons, wayOut(state)), true];
   }
-  if (safety.level !== SAFETY_OK) return [`Waiting: ${reasons || "no reason told"}.`, true];
-  if (!endpoint) return ["The robot's position is silent.", true];
-  const off = [["plane", 0], ["vertical", 1]].filter(([, i]) => !endpoint.enabled[i]);
-  if (off.length) return [`The torque is off: ${off.map(([name]) => name).join(" and ")}.`, true];
-  return ["The robot is ready, the torque is on.", false];
+  if (safety.level !== SAFETY_OK) return [t("Waiting: {0}.", reasons), true];
+  if (!endpoint) return [t("The robot's position is silent."), true];
+  const off = [[t("plane"), 0], [t("vertical"), 1]].filter(([, i]) => !endpoint.enabled[i]);
+  if (off.length) return [t("The torque is off: {0}.", off.map(([name]) => name).join(t(" and "))), true];
+  return [t("The robot is ready, the torque is on."), false];
 }
 
 // The record of the patients -----------------------------------------------------------------
 
-export const RECORD = {
+export const RECORD = table({
   title: "Patients", all: "All patients", back: "Back", wait: "One moment …",
   columns: ["Pseudonym", "Arm", "Last seen", "Sessions", "Due", "Proposed for the next session"],
   none: "No session has been recorded.", other: "Another pseudonym", open: "Open", withClosed: "also closed ones",
@@ -408,24 +413,24 @@ export const RECORD = {
   shift: "move all dates by one random number of days", rename: "give a new pseudonym, which nothing keeps", download: "Save the file",
   deleted: "To be deleted for good:", rows: "rows of the record, scores, the weights of the arms",
   unreached: "Not reached, so it stays unless you see to it:", again: "Write the pseudonym again",
-};
+});
 
-export const SCALES = {
+export const SCALES = table({
   pain_before: "Pain before", pain_after: "Pain after", tired_before: "Tiredness before", tired_after: "Tiredness after",
   pain_pause: "Pain at a pause", tired_pause: "Tiredness at a pause", went_on: "Went on after much of it",
   discomfort: "Discomfort", FM_UE: "Fugl-Meyer, upper extremity", ARAT: "ARAT", MAS_elbow: "Ashworth, elbow", MAS_shoulder: "Ashworth, shoulder",
   rests: "Rests", spasms: "Spasms", chair_x: "Chair, to the side [cm]", chair_height: "Chair, height [cm]", handle_angle: "Handle [°]",
   side: "Arm to be trained", closed: "Therapy",
-};
+});
 
 // Values that may be chosen; another scale up to 10 has whole numbers, a longer one is typed.
 const ASHWORTH = [0, 1, 1.5, 2, 3, 4];
 export const CHOICES = { MAS_elbow: ASHWORTH, MAS_shoulder: ASHWORTH };
 
 export function choiceWords(scale, value) {
-  if (scale === "side") return value ? "right" : "left";
-  if (scale === "closed") return value ? "closed" : "open";
-  if (scale === "went_on") return value ? "yes" : "no";
+  if (scale === "side") return sideWords(value ? "right" : "left");
+  if (scale === "closed") return value ? t("closed") : t("open");
+  if (scale === "went_on") return value ? t("yes") : t("no");
   return CHOICES[scale] && value === 1.5 ? "1+" : String(value);
 }
 
@@ -439,7 +444,7 @@ export function sideWords(side) {
   return PAGE.sides[side] ?? side;
 }
 
-const DUE = { weigh: "weigh the arm", assess: "Fugl-Meyer or ARAT" };
+const DUE = { weigh: t("weigh the arm"), assess: t("Fugl-Meyer or ARAT") };
 
 export function dueWords({ due }) {
   return due.map((each) => DUE[each]).join(", ");
@@ -447,33 +452,33 @@ export function dueWords({ due }) {
 
 // What the last session ended with: support, time and side walls.
 export function proposal({ support, duration, stiffness }) {
-  const parts = [[support, "N support", 1], [duration, "s a movement", 2], [stiffness, "N/m side walls", 0]];
-  return parts.filter(([value]) => value !== null && value !== undefined)
-    .map(([value, unit, places]) => `${value.toFixed(places)} ${unit}`).join(", ");
+  return [support != null && t("{0} N support", support.toFixed(1)), duration != null && t("{0} s a movement", duration.toFixed(2)),
+    stiffness != null && t("{0} N/m side walls", stiffness.toFixed(0))].filter(Boolean).join(", ");
 }
 
 // What was last time of a patient who is known, "" where nothing was; isSet: it is to be so again, title: of its protocol.
 export function asLastTime(about, isSet = false, title = about.protocol) {
-  const parts = [about.side && `${sideWords(about.side)} arm`, title, about.level, proposal(about)].filter(Boolean).join(", ");
-  return parts && `${isSet ? "From Start on as last time" : "Last time"}: ${parts}.`;
+  const parts = [about.side && t("{0} arm", sideWords(about.side)), said(title), about.level, proposal(about)].filter(Boolean).join(", ");
+  if (!parts) return "";
+  return isSet ? t("From Start on as last time: {0}.", parts) : t("Last time: {0}.", parts);
 }
 
 export function countWords(about) {
-  if (!about) return "Nothing is known of this pseudonym.";
+  if (!about) return t("Nothing is known of this pseudonym.");
   const { sessions, seen } = about;
   const due = dueWords(about);
-  return [`${sessions} session${sessions === 1 ? "" : "s"}`, seen && `last seen ${moment(seen)}`, proposal(about) && `next ${proposal(about)}`,
-    due && `due: ${due}`].filter(Boolean).join("; ");
+  return [sessions === 1 ? t("{0} session", sessions) : t("{0} sessions", sessions), seen && t("last seen {0}", moment(seen)),
+    proposal(about) && t("next {0}", proposal(about)), due && t("due: {0}", due)].filter(Boolean).join("; ");
 }
 
 export function sessionCells({ begun, protocol, level, side, trials, outcome, stops, support, simulated }) {
-  const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${reason} (${count})` : reason));
-  return [moment(begun), [protocol, level && `, ${level}`, simulated && " (simulated)"].filter(Boolean).join(""), sideWords(side), String(trials),
+  const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${said(reason)} (${count})` : said(reason)));
+  return [moment(begun), [protocol, level && `, ${level}`, simulated && ` (${t("simulated")})`].filter(Boolean).join(""), sideWords(side), String(trials),
     [outcome, ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
 }
 
 export function weekWords(weeks) {
-  return `${weeks.toFixed(weeks < 10 ? 1 : 0)} weeks`;
+  return t("{0} weeks", weeks.toFixed(weeks < 10 ? 1 : 0));
 }
 
 // What stands below a plot; what it says to who cannot see it.
@@ -486,9 +491,9 @@ export function plotted(line) {
 }
 
 export function forgetTitle(name) {
-  return `Forget ${name}`;
+  return t("Forget {0}", name);
 }
 
 export function forgotten() {
-  return "The patient was forgotten. Copies elsewhere are yours to delete.";
+  return t("The patient was forgotten. Copies elsewhere are yours to delete.");
 }

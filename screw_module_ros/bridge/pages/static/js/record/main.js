@@ -2,6 +2,7 @@
 // The record of the patients, for a therapist. No pseudonym stands in the address of the page.
 
 import { el, say } from "../draw.js";
+import { language } from "../language.js";
 import { configurationAtLast, ownToken } from "../link.js";
 import { PAGE, RECORD, failure, forgotten } from "../words.js";
 import { Desk } from "./desk.js";
@@ -100,6 +101,8 @@ function goTo(place, how = "pushState") {
 }
 
 async function main() {
+  document.documentElement.lang = language;
+  document.title = RECORD.title;
   say($("title"), RECORD.title);
   const token = ownToken();
   const { role } = await configurationAtLast(token, (error) => notice(failure(error)));

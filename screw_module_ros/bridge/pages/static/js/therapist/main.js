@@ -4,6 +4,7 @@
 import { Awake } from "../awake.js";
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken, tellPresses } from "../link.js";
+import { changeLanguage, language } from "../language.js";
 import { Desk } from "../record/desk.js";
 import { Sound } from "../sound.js";
 import {
@@ -166,6 +167,9 @@ function frame(now) {
 async function main() {
   say($("title"), PAGE.title);
   say($("patients"), PAGE.patients);
+  document.documentElement.lang = language;
+  say($("language"), language === "de" ? "English" : "Deutsch");
+  $("language").onclick = changeLanguage;
   say($("sounds"), PAGE.soundsOn);
   $("sounds").onclick = () => {
     sound.set(!sound.isOn);

@@ -2,6 +2,7 @@
 // The form that starts a session, the buttons that pause, resume and end it, and pseudonyms.
 
 import { el, say } from "../draw.js";
+import { said } from "../language.js";
 import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
 import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, leftWords, sessionOf, toTick } from "../words.js";
 import { Pace, Plan } from "./plan.js";
@@ -51,8 +52,8 @@ export class SessionCard {
     this.new = el("button", { name: "fresh", type: "button", onclick: () => this.fresh() }, PAGE.fresh);
     this.again = el("button", { name: "again", type: "button", hidden: true, onclick: () => this.sameAgain() });
     const options = protocols.filter(({ levels }) => !levels).map(
-      ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`));
-    const games = protocols.filter(({ levels }) => levels).map(({ name, title }) => el("option", { value: name }, title));
+      ({ name, title, trials }) => el("option", { value: name }, `${said(title)} (${trials})`));
+    const games = protocols.filter(({ levels }) => levels).map(({ name, title }) => el("option", { value: name }, said(title)));
     this.protocol = el("select", { ariaLabel: PAGE.protocol, onchange: () => this.chooseAnother() }, ...options,
       ...(games.length ? [el("optgroup", { label: PAGE.games }, ...games)] : []));
     this.level = el("select", { ariaLabel: PAGE.level });
