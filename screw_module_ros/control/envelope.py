@@ -29,7 +29,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..filters import Lowpass, clear, envelope, smoothed, tune
-from .gain_guard import OBSERVED, GainGuard, damper_force, forget, guard_step, tune_guard
+from .gain_guard import (
+    GainGuard,
+    damper_force,
+    forget,
+    guard_step,
+    largest_raise,
+    raise_corner,
+    tune_guard,
+)
 from .law import Law, Motion, Sample
 from .limits import (
     DRIVING,
@@ -53,6 +61,13 @@ LEAVE = -100
 by anybody."""
 NOTHING_HOLDS = 200.0  # [N] more than all parts together
 LOADED = 0.2  # largest share of the force on the hand that a loaded screw adds to its friction
+DAMPER = 31.0
+"""Corner of the guard's damper [rad/s], 5 Hz: above a hand's own motion, below that of a wall."""
+OBSERVED = 0.35
+"""Share of `chatter_limit` from which an oscillation of a leaky gain counts."""
+QUIET = 0.2
+"""Share of it that chatter may have while the handle rests: the play does not knock. In motion
+it takes a raised corner back."""
 NUMBER = 1e9
 """A law that answers with more than this, or with NaN, has answered with no force [N]."""
 
@@ -135,7 +150,7 @@ def enveloped(law: Law) -> Step:
         travelled = inp.position - s.position
         sample = Sample(
             dt, mode, inp.position, travelled, inp.velocity, inp.force, handle,
-            s.guard.share, settled, s.force,
+            s.guard.share, settled, s.force, s.guard.corner,
         )  # fmt: skip
         kept = 1.0 if heeds else s.weight * s.guard.share
         most = math.inf if heeds else p.friction_limit
@@ -156,23 +171,22 @@ def enveloped(law: Law) -> Step:
         lively = asked.watched if heeds else s.weight  # weight of what the guard watches over
         pull = (1.0 - inp.slot_weight) * wished + inp.slot_force
         if lively > 0.0:
-            pull -= damper_force(s.guard.passivity, motion.speed, lively, p.chatter_damping)
+            watched = lively * s.guard.chatter.share
+            pull -= damper_force(s.guard.passivity, motion.speed, watched, p.chatter_damping)
         support = inp.support
         desired = min(max(pull, -p.force_down - support), p.force_up - support)
         impedance = _pressed(p, s.weight * desired, support)
 
         if lively > 0.0:
             leaky = asked.leaky if heeds else 0.0
-            least = (1.0 - OBSERVED * leaky) * p.chatter_limit
-            error = impedance + inp.force
-            guard_step(s.guard, inp.force, error, motion.speed, least, p.chatter_limit, dt)
-        elif s.guard.share < 1.0 or s.guard.passivity.need > 0.0:
+            _judge(p, s, inp.force, impedance + inp.force, leaky, dt)
+        elif s.guard.share < 1.0 or s.guard.passivity.need > 0.0 or s.guard.corner > 1.0:
             forget(s.guard)  # without a gain there is nothing to reduce
 
         # Inertia, and what friction is left, by the force on the hand.
         sample = Sample(
             dt, mode, inp.position, travelled, inp.velocity, inp.force, handle,
-            s.guard.share, settled, s.force,
+            s.guard.share, settled, s.force, s.guard.corner,
         )  # fmt: skip
         helped = help_(own, s.law, sample, motion, impedance)
         friction, feedback = float(helped.friction), float(helped.feedback)
@@ -274,6 +288,22 @@ def _pressed(p: VerticalSettings, asked: float, support: float) -> float:
     if support == 0.0:
         return asked
     return min(max(asked + support, -p.force_down), p.force_up)
+
+
+def _judge(
+    p: VerticalSettings, s: EnvelopeState, force: float, error: float, leaky: float, dt: float
+) -> None:
+    """Let the guard judge a sample: the patient's force and the same with the impedance's [N].
+
+    leaky: weight of a gain whose corner follows, 0 to 1.
+    """
+    least = (1.0 - (1.0 - OBSERVED) * leaky) * p.chatter_limit
+    rough, moves = QUIET * p.chatter_limit, min(1.0, s.driven / DRIVING)
+    limit = rough + moves * (p.chatter_limit - rough)
+    guard_step(s.guard, force, error, s.observer.velocity, least, limit, dt, DAMPER)
+    if leaky > 0.0:
+        most = largest_raise(p.observer_gain, p.observer_cutoff, p.observer_delay, dt)
+        raise_corner(s.guard, most, rough, dt)
 
 
 def _standing(p: VerticalSettings, s: EnvelopeState, impedance: float, helping: float) -> float:

@@ -33,7 +33,8 @@ class Sample(NamedTuple):
     last one that was; position of the nut [m],
     travelled: since the last sample [m], velocity [m/s]; force: patient on robot, as measured,
     handle: the same filtered [N]; share: of the force gains that the guard leaves, 0 to 1; settled:
-    the law has had all of its weight at the last sample; sent: last command, after all limits [N].
+    the law has had all of its weight at the last sample; sent: last command, after all limits [N];
+    corner: by which the guard multiplies the cut-off of a leaky gain, 1 or more.
     """
 
     dt: float
@@ -46,6 +47,7 @@ class Sample(NamedTuple):
     share: float
     settled: bool
     sent: float
+    corner: float = 1.0
 
 
 class Motion(NamedTuple):

@@ -27,7 +27,7 @@ from typing import Any
 
 from ..filters import envelope
 from .arms import FIVE_BAR, Arm
-from .gain_guard import OBSERVED, GainGuard, damper_force, forget, guard_step, tune_guard
+from .gain_guard import GainGuard, damper_force, forget, guard_step, tune_guard
 from .limits import (
     DRIVING,
     FARTHEST,
@@ -46,11 +46,8 @@ from .planar_settings import PlanarSettings
 from .plane_law import PlaneLaw, PlaneMotion, PlaneSample
 from .setpoint import Range, SetPoint, follow, hold_at
 
-CHATTER_HZ = 40.0
-"""Corner of the chatter; lower than in the vertical law: on a wall of 1e6 N/m the plane oscillates
-at 60 Hz."""
-RETURN = 3.0
-"""Time in which the gain comes back there [s], longer too: the wall stays."""
+OBSERVED = 0.5
+"""Share of `chatter_limit` from which an oscillation counts."""
 STANDING = 6.0
 """Most help while the handle stands [N]: its friction is 1 N."""
 NUMBER = 1e9
@@ -123,8 +120,8 @@ def enveloped(law: PlaneLaw, arm: Arm = FIVE_BAR) -> Step:
         dt = min(dt, LONGEST_STEP)
         if dt != s.dt:
             s.dt = dt
-            tune_guard(s.x.guard, dt, CHATTER_HZ)
-            tune_guard(s.y.guard, dt, CHATTER_HZ)
+            tune_guard(s.x.guard, dt)
+            tune_guard(s.y.guard, dt)
         x, y = forward(inp.shoulder, inp.elbow, p.arm)
         x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, p.arm)
         apart, with_s, with_e = between(inp.shoulder, inp.elbow, p.arm)
@@ -192,8 +189,8 @@ def enveloped(law: PlaneLaw, arm: Arm = FIVE_BAR) -> Step:
         if lively > 0.0:
             felt_x, felt_y = (inp.force_x, inp.force_y) if known else (-force_x, -force_y)
             least, most = OBSERVED * p.chatter_limit, p.chatter_limit
-            guard_step(s.x.guard, felt_x, force_x + felt_x, vx, least, most, dt, RETURN)
-            guard_step(s.y.guard, felt_y, force_y + felt_y, vy, least, most, dt, RETURN)
+            guard_step(s.x.guard, felt_x, force_x + felt_x, vx, least, most, dt)
+            guard_step(s.y.guard, felt_y, force_y + felt_y, vy, least, most, dt)
         else:
             forget(s.x.guard)  # without a gain there is nothing to reduce
             forget(s.y.guard)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The guard: a damper and less gain while the robot drives, in proportion; hands keep theirs."""
+"""The guard: a damper, a higher corner and less gain while the robot drives; hands keep theirs."""
 
 import math
 
@@ -10,14 +10,19 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.gain_guard import (
     BEGIN,
     END,
+    FORGOTTEN,
+    GROWTH,
     KEPT,
     PASSIVE,
+    PER_NEED,
     RETURN,
     GainGuard,
     damper_force,
     forget,
     guard_step,
     guarded,
+    largest_raise,
+    raise_corner,
     tune_guard,
 )
 from screw_module_ros.control.laws.thesis import THESIS
@@ -195,6 +200,56 @@ def test_the_operator_reads_what_is_left():
     assert guarded(0.4).startswith("chatter guard: the robot drives what holds the handle, 40 %")
 
 
+# -- corner --------------------------------------------------------------------------------------
+
+MOST, ROUGH = 3.5, 0.24
+SWINGS = shown(-60.0, 10.0)  # as a soft grip does
+
+
+def raised(error, speed, seconds, guard=None, force=nothing):
+    """A guard after a force beside the impedance's and a speed of the nut, with a leaky gain."""
+    guard = guard or quiet()
+    for k in range(round(seconds / DT)):
+        t = k * DT
+        guard_step(guard, force(t), error(t), speed(t), LEAST, LIMIT, DT)
+        raise_corner(guard, MOST, ROUGH, DT)
+    return guard
+
+
+def test_a_robot_that_drives_raises_the_corner_and_a_hand_that_drives_does_not():
+    assert raised(*SWINGS, 0.5).corner == pytest.approx(MOST)
+    assert raised(*shown(20.0, 5.0), 0.5).corner == 1.0
+
+
+def test_a_corner_rises_in_proportion_to_what_is_missing():
+    for missing in (2.0, 4.0, 8.0):
+        guard = raised(*shown(-missing, 10.0, size=2.0, spring=0.0), 0.5)
+        assert guard.corner == pytest.approx(1.0 + (PASSIVE + missing) / PER_NEED, rel=0.1)
+
+
+def test_rapid_force_takes_the_corner_back_before_any_gain():
+    """A heavy hand with a long delay chatters with a corner that a soft grip wants."""
+    guard = raised(*SWINGS, 0.5)
+    rough = sine(1.2, 80.0)
+    raised(nothing, nothing, 20.0 / GROWTH, guard, rough)
+    assert guard.corner < 1.2
+    assert guard.chatter.share == 1.0
+    assert raised(*SWINGS, 0.3, guard).corner < 1.5, "nor soon again"
+    raised(nothing, nothing, 2.0 * FORGOTTEN, guard)
+    assert raised(*SWINGS, 0.5, guard).corner == pytest.approx(MOST)
+
+
+def test_a_corner_comes_back_slowly():
+    guard = raised(*SWINGS, 0.5)
+    raised(nothing, nothing, FORGOTTEN, guard)
+    assert guard.corner - 1.0 == pytest.approx((MOST - 1.0) / math.e, rel=0.1)
+
+
+def test_a_loop_that_turns_too_far_keeps_the_corner_that_was_set():
+    assert largest_raise(9.0, 9.0, 0.01, DT) == 1.0
+    assert largest_raise(9.0, 9.0, 1.4e-3, DT) == pytest.approx(3.1, abs=0.02)
+
+
 # -- in the law ----------------------------------------------------------------------------------
 
 
@@ -216,6 +271,30 @@ def test_shaking_that_no_gain_causes_takes_no_gain_away(inp):
 @pytest.mark.parametrize("mode", [mode for mode in THESIS.variants if mode != modes.IMPEDANCE])
 def test_shaking_in_a_mode_with_a_gain_takes_it_away(mode):
     assert law_after(REST._replace(mode=mode), sine(10.0, 120.0)).share == 0.0
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+def test_a_handle_that_rests_may_chatter_with_less_than_one_that_moves(mode):
+    """In motion the play of the screw knocks, and a knock is no chatter."""
+    inp = REST._replace(mode=mode)
+    shakes = sine(1.2, 120.0)
+    assert law_after(inp, shakes, 3.0).share < 1.0
+    moving = [
+        inp._replace(
+            force=shakes(tick * DT), velocity=0.1, position=AT + 0.1 * DT * tick,
+            setpoint_position=AT + 0.1 * DT * tick, setpoint_velocity=0.1,
+        )
+        for tick in range(1500)
+    ]  # fmt: skip
+    assert vertical_outputs(moving, VERTICAL)[-1].share == 1.0
+
+
+def test_a_raised_corner_ends_with_its_mode():
+    state = initial_state(VERTICAL)
+    law_after(REST._replace(mode=modes.OBSERVER), nothing, state=state)
+    state.guard.corner = 2.0
+    law_after(REST, nothing, state=state)
+    assert state.guard.corner == 1.0
 
 
 def test_what_the_guard_took_is_forgotten_with_the_gain():

@@ -19,6 +19,7 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.calibration.version import law_version
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control.envelope import enveloped, initial_state
+from screw_module_ros.control.gain_guard import largest_raise
 from screw_module_ros.control.laws.thesis import THESIS, Own
 from screw_module_ros.control.vertical import VerticalInput
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
@@ -243,6 +244,20 @@ def test_without_mass_only_support_and_contact_in_series_count():
 GAIN = USUAL.observer_gain
 LIGHT = Mechanism(nut_mass=3.6)
 CARRYING = MOVING._replace(settings=USUAL._replace(observer_inertia=KNOWN_SHARE))
+
+
+@pytest.mark.parametrize(
+    ("rate", "delay"),
+    [(1000.0, 0.8e-3), (1000.0, 1.4e-3), (1000.0, 3e-3), (1000.0, 4e-3), (2000.0, 1e-3)],
+)
+def test_a_rigid_hand_of_3_kg_bears_the_largest_raise_of_the_corner(rate, delay):
+    """The guard raises the corner by itself, so it must not leave what the model bears."""
+    most = largest_raise(USUAL.observer_gain, USUAL.observer_cutoff, delay, 1.0 / rate)
+    assert most >= 1.0
+    raised = USUAL._replace(observer_cutoff=USUAL.observer_cutoff * most, observer_delay=delay)
+    _, law = stability.judged(raised, 30.0).values()
+    borne = largest_gain(Mechanism(), HAND, Sampling(rate, delay), law)
+    assert borne >= USUAL.observer_gain
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,8 @@ def _fed_back(p: VerticalSettings, m: Memory, u: Sample, remainder: float, mean:
     """
     most = p.feedback_limit
     by_gain = clamp(u.share * m.gain * remainder, -most, most)
-    m.fed = leaky_gain(m.fed, mean, u.share, p.observer_gain, p.observer_cutoff, u.dt)
+    cutoff = p.observer_cutoff * u.corner
+    m.fed = leaky_gain(m.fed, mean, u.share, p.observer_gain, cutoff, u.dt)
     return m.feedback * by_gain + m.observing * clamp(m.fed, -most, most)
 
 
