@@ -9,15 +9,14 @@ when their cause is over; the corner is remembered for some seconds.
 
     R = <e v> / <v^2>     [Ns/m]
 
-beside the impedance asked for: e = Fpd + F, with F the patient's force and Fpd that of spring and
-dampers, v the velocity of the nut, both rapid, < > a mean over `WINDOW`. A hand that trembles
-drives the robot: R is positive. A robot that drives an oscillation gives power to what holds the
-handle: R is negative (passivity observer: hannaford2002). A set point that moves the hand
-gives power too, but by Fpd, which e leaves out. What is missing to `PASSIVE` is `need`. The law
-puts a damper of this size into Fpd, so the need does not fall when it acts, but with the time
-constant `KEPT` once its cause is over. The damper acts through a high pass: one for all speeds
-would brake a hand in motion. Its corner is the caller's, or half of the oscillation's own
-frequency, sqrt(<a^2> / <v^2>).
+beside the impedance asked for: e = pressed + force, that of spring and dampers and the patient's, v
+the velocity of the nut, both rapid, < > a mean over `WINDOW`. A hand that trembles drives the
+robot: R is positive. A robot that drives an oscillation gives power to what holds the handle: R is
+negative (passivity observer: hannaford2002). A set point that moves the hand gives power too, but
+by `pressed`, which e leaves out. What is missing to `PASSIVE` is `need`. The law puts a damper of
+this size into that, so the need does not fall when it acts, but with the time constant `KEPT` once
+its cause is over. The damper acts through a high pass: one for all speeds would brake a hand in
+motion. Its corner is the caller's, or half of the oscillation's own frequency, sqrt(<a^2> / <v^2>).
 
 Beyond `BEGIN` the force gain falls as well, and is gone at `END`.
 

@@ -8,20 +8,21 @@ An extended-state observer round the collocated encoder, with the handle force a
 (natural admittance control in spirit: newman1992; buergerhogan2007). It compares the motion
 of the nut with that of a mass without friction,
 
-    x' = v,   M v' = u(t - tau) + Fp - g - F - d,
+    position' = velocity,
+    mass velocity' = sent(t - observer_delay) + force - weight - foreseen - disturbance,
 
-u the command that acts now, tau [s] after it was computed, Fp the patient's force, g the carried
-weight, F the modelled friction that is fed forward. The remainder is d: friction outside the model,
-an error of the weight, a bias. The law feeds d back to cancel it. No term depends on the sign of
+`sent` the command that acts now, `force` the patient's, `weight` what is carried, `foreseen` the
+modelled friction that is fed forward. The remainder is `disturbance`: friction outside the model,
+an error of the weight, a bias. The law feeds it back to cancel it. No term depends on the sign of
 the velocity, so the observer works through zero speed. Each sample corrects the three estimates
 with a triple pole at exp(-w dt), which fixes the gains for any sample time (the fading memory
 filter of second order; morrison1969).
 
 The observer gets the command that was sent, after all limits, so a limit causes no windup. An
-obstacle that does not press on the transducer looks like friction, so d is limited. While friction
-holds the handle with a tolerable force error, d stays as it is. Else the observer would build up
-force until the handle breaks away and overshoots: hunting, as with any integral action against
-stiction.
+obstacle that does not press on the transducer looks like friction, so the disturbance is limited.
+While friction holds the handle with a tolerable force error, it stays as it is. Else the observer
+would build up force until the handle breaks away and overshoots: hunting, as with any integral
+action against stiction.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ def observe(
 ) -> None:
     """Correct the estimates with a sample, dt [s] after the last one.
 
-    position: measured [m]; force: known forces on the nut without the command, Fp - g - F [N];
-    error: of the force on the hand, filtered [N].
+    position: measured [m]; force: known forces on the nut without the command: of the patient, less
+    weight and foreseen friction [N]; error: of the force on the hand, filtered [N].
     """
     observer.stood += dt
     if abs(position - observer.anchor) > RESTING_WAY:

@@ -4,7 +4,7 @@
 ::
 
     set point, fades -> law.needs -> law.ask, slot, damper of the guard -> 45 N -> speed limit
-      -> edges -> 45 N = desired force Fpd -> guard -> law.help -> its limits -> speed, edges
+      -> edges -> 45 N = what is pressed -> guard -> law.help -> its limits -> speed, edges
       -> torque = J^T force -> joint limits -> torque limits -> force limit of the stops
       -> rate limit -> torques
 

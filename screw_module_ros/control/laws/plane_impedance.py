@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plane's impedance at the handle, with force feedback (MIT-MANUS, thesis 3.3).
 
-Fpd = K (x_d - x) + B (v_d - v), eq 3.3.
+pull = stiffness (to_position - position) + damping (to_velocity - velocity), eq 3.3, of which the
+envelope lets `pressed` press (thesis: Fpd).
 
 The thesis leaves friction and mass as they are. They were specified at 0.56 to 1.11 N and 2/3 to
 4/3 kg without the module (appendix D), which was estimated at 5.5 kg (2.2.4). What the hand feels
-beyond -Fpd is due to them, so a force gain k on Fpd + F, F the patient's force on the robot,
-divides both by 1 + k, as in the vertical law (eqs 6.6 to 6.8): k w / (s + w) (Fpd + F), one along x
+beyond -pressed is due to them, so a gain k on pressed + force, the patient's on the robot, divides
+both by 1 + k, as in the vertical law (eqs 6.6 to 6.8): k w / (s + w) (pressed + force), one along x
 and one along y. Without a force sample the gain fades, and the impedance is left.
 """
 
@@ -25,7 +26,7 @@ GUIDED = 100.0
 
 @dataclass(slots=True)
 class Memory:
-    """gain: k in use; error_x, error_y: Fpd + F of the last sample [N]."""
+    """gain: k in use; error_x, error_y: pressed + force of the last sample [N]."""
 
     gain: float = 0.0
     error_x: float = 0.0

@@ -5,8 +5,8 @@ other (thesis chapter 6; `docs/control.md` draws each).
 All five ask for spring and dampers. They compensate friction by its model (eqs 6.2 to 6.5, fig
 6-6), friction and inertia by the force on the hand (eqs 6.6 to 6.8, fig 6-11), by both, or by the
 estimated disturbance (ours). COMBINED is the plain sum: the friction model removes the predicted
-part from Fpd + Fp, so the feedback acts on the remainder only (6.4.4). Each part fades in and out
-over `fade_time` with its own weight.
+part from pressed + force (Fpd + Fp there), so the feedback acts on the remainder only (6.4.4). Each
+part fades in and out over `fade_time` with its own weight.
 """
 
 from __future__ import annotations
@@ -127,9 +127,9 @@ def _carried(p: VerticalSettings, m: Memory, u: Sample, speed: float) -> float:
 def _fed_back(p: VerticalSettings, m: Memory, u: Sample, remainder: float, mean: float) -> float:
     """Return the force feedback [N] (thesis 6.4.3, eqs 6.6 to 6.8).
 
-    Fpd + Fp is due to friction and inertia; a gain divides it by 1 + gain. It has no integral, so a
-    limit downstream causes no windup. remainder: Fp filtered; mean: over the sample, of the sum
-    that OBSERVER filters [N].
+    pressed + force is due to friction and inertia; a gain divides it by 1 + gain. It has no
+    integral, so a limit downstream causes no windup. remainder: with `handle`, which is filtered;
+    mean: over the sample, of the sum that OBSERVER filters [N].
     """
     most = p.feedback_limit
     by_gain = clamp(u.share * m.gain * remainder, -most, most)
