@@ -64,7 +64,9 @@ class Server:
         rights: Rights, gateway: Gateway, record: RecordDesk, clock: Clock, config: dict,
         log: Callable[[str], None] = lambda sentence: None, games: Path | None = None,
     ):  # fmt: skip
-        self._games = games
+        origins = [each.get("origin", "") for each in config["protocols"]]
+        own = " ".join([SECURITY_HEADERS[POLICY], *filter(None, origins)])
+        self._games, self._headers = games, {**SECURITY_HEADERS, POLICY: own}
         self.limits = limits
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
@@ -286,9 +288,7 @@ class Server:
         connection.transport.abort()
 
     async def _add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
-        origins = [each.get("origin", "") for each in self._config["protocols"]]
-        policy = " ".join([SECURITY_HEADERS[POLICY], *filter(None, origins)])
-        response.headers.update({**SECURITY_HEADERS, POLICY: policy})
+        response.headers.update(self._headers)
         if request.path.startswith(_GAMES):
             response.headers[POLICY] = GAME_POLICY
         if not isinstance(response, web.WebSocketResponse):

@@ -171,8 +171,7 @@ def enveloped(law: Law) -> Step:
         lively = asked.watched if heeds else s.weight  # weight of what the guard watches over
         pull = (1.0 - inp.slot_weight) * wished + inp.slot_force
         if lively > 0.0:
-            watched = lively * s.guard.chatter.share
-            pull -= damper_force(s.guard.passivity, motion.speed, watched, p.chatter_damping)
+            pull -= damper_force(s.guard, motion.speed, lively, p.chatter_damping)
         support = inp.support
         desired = min(max(pull, -p.force_down - support), p.force_up - support)
         impedance = _pressed(p, s.weight * desired, support)

@@ -185,15 +185,17 @@ def largest_raise(gain: float, cutoff: float, delay: float, dt: float) -> float:
     return min(max(TURNED / max(turned, STILL), 1.0), MOST_RAISED)
 
 
-def damper_force(element: Passivity, velocity: float, weight: float, most: float) -> float:
+def damper_force(guard: GainGuard, velocity: float, weight: float, most: float) -> float:
     """Return the force that the damper takes from the spring's [N].
 
     velocity: of the nut [m/s]; weight: of the parts that the guard watches over, 0 to 1; most:
     largest damper [Ns/m]. The high pass passes 1 / (1 + OF_FREQUENCY^2) of the oscillation in
-    phase with its velocity; the damper is larger by as much.
+    phase with its velocity; the damper is larger by as much. Chatter is what no velocity shows: no
+    damper meets it, so it leaves as much of the damper as of the gain.
     """
+    element = guard.passivity
     size = min((1.0 + OF_FREQUENCY * OF_FREQUENCY) * element.need, most)
-    return weight * size * (velocity - element.slow)
+    return weight * guard.chatter.share * size * (velocity - element.slow)
 
 
 def chatter_step(chatter: Chatter, force: float, limit: float, dt: float) -> float:

@@ -279,9 +279,7 @@ def _pulled(
     pull = left * wish
     if left < 1.0 and in_slot > 0.0:
         pull -= (1.0 - left) * in_slot * velocity
-    # Chatter is what no velocity shows: no damper meets it.
-    weight = lively * guard.chatter.share
-    return pull - damper_force(guard.passivity, velocity, weight, p.chatter_damping)
+    return pull - damper_force(guard, velocity, lively, p.chatter_damping)
 
 
 def _bounded(

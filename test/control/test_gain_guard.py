@@ -139,7 +139,7 @@ def test_the_damper_takes_as_much_power_as_is_needed(frequency):
     for k in range(1000):
         t = 1.0 + k * DT
         guard_step(guard, 0.0, force(t), speed(t), LEAST, LIMIT, DT)
-        power += damper_force(guard.passivity, speed(t), 1.0, 200.0) * speed(t)
+        power += damper_force(guard, speed(t), 1.0, 200.0) * speed(t)
         motion += speed(t) ** 2
     assert power / motion == pytest.approx(guard.passivity.need, rel=0.25)
 
@@ -148,8 +148,8 @@ def test_the_damper_has_a_limit_and_a_weight():
     force, speed = shown(-90.0, 10.0)
     guard = moved(force, speed, 1.0)
     guard.passivity.slow = 0.0
-    assert damper_force(guard.passivity, 0.1, 1.0, 40.0) == pytest.approx(4.0)
-    assert damper_force(guard.passivity, 0.1, 0.5, 40.0) == pytest.approx(2.0)
+    assert damper_force(guard, 0.1, 1.0, 40.0) == pytest.approx(4.0)
+    assert damper_force(guard, 0.1, 0.5, 40.0) == pytest.approx(2.0)
 
 
 def test_a_hand_in_motion_hardly_feels_the_damper():
@@ -159,7 +159,7 @@ def test_a_hand_in_motion_hardly_feels_the_damper():
     hand, largest = sine(0.3, 0.5), 0.0
     for k in range(500):
         guard_step(guard, 0.0, 0.0, hand(k * DT), LEAST, LIMIT, DT)
-        largest = max(largest, abs(damper_force(guard.passivity, hand(k * DT), 1.0, 200.0)))
+        largest = max(largest, abs(damper_force(guard, hand(k * DT), 1.0, 200.0)))
     assert largest < 4.0
 
 
