@@ -84,7 +84,8 @@ class PlayedRobot(FakeGateway):
                 "trials": 0, "circuit": 1, "block": "", "kind": "reach", "assisted": True,
                 "phase": 0, "start": {"x": 0, "y": 0, "z": 0.18},
                 "target": {"x": 0, "y": 0.14, "z": 0.18}, "hit_radius": 0.01, "since": None,
-                "duration": 1.4, "side_stiffness": 100.0, "side": "", "support": 0.0, "arm": "",
+                "duration": 1.4, "side_stiffness": 100.0, "side": "", "arm": "",
+                "support": self.values[robot].get("support.force", 0.0),
                 "arm_weight": None, "arm_spread": 0.0, "asks": 0, "pain": None, "tired": None,
                 "goes_on": 0, "rest": None, "sound": False, **state,
             })  # fmt: skip
@@ -840,6 +841,24 @@ def test_the_arm_is_weighed_supported_and_lowered(therapist):
     assert [call for call in calls if "weigh" in call[0]] == [("/therapy_session/weigh", asked)]
     assert given.robot.values["/"]["support.force"] == pytest.approx(11.04)
     assert ("/therapy_session/lower", {}) in calls
+
+
+def test_a_slider_taken_again_stays_in_the_hand_when_the_last_answer_comes(therapist):
+    given, page = therapist()
+    given.until_text(page, "In use 0.0 N", arm_weight=18.4, arm_spread=1.2)
+    given.robot.refuses_support = True
+    page.get_by_label("Support of the arm").evaluate("""slider => {
+      const to = (value, ...events) => {
+        slider.value = value;
+        events.forEach((name) => slider.dispatchEvent(new Event(name)));
+      };
+      to("9.2", "input", "change");
+      to("12.88", "input");
+    }""")
+    given.until_text(page, "more than 2 N over its weight")
+    given.robot.axis["support"] = 0.1
+    given.until_text(page, "In use 0.1 N")
+    assert float(page.get_by_label("Support of the arm").input_value()) == pytest.approx(12.88)
 
 
 @pytest.mark.parametrize(("brakes", "told"), [

@@ -20,8 +20,10 @@ export class SupportCard {
     this.isHeld = false;
     this.shown = el("output");
     this.input = el("input", { type: "range", min: 0, max: 0, ariaLabel: PAGE.support });
+    this.moves = 0;
     this.input.oninput = () => {
       this.isHeld = true;
+      this.moves += 1;
       this.share();
     };
     this.input.onchange = () => this.set(Number(this.input.value));
@@ -60,12 +62,13 @@ export class SupportCard {
   }
 
   async set(value) {
+    const { moves } = this;
     const parameters = [{ name: FORCE, value: { type: DOUBLE, double_value: value } }];
     await this.telling(async () => {
       const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
       return { success: successful, message: reason };
     });
-    this.isHeld = false;
+    if (this.moves === moves) this.isHeld = false; // else the slider was taken again in between
   }
 
   ask(service, args = {}) {
