@@ -254,14 +254,17 @@ def test_the_patient_is_told_what_to_do_now(result_of, state, told):
 
 
 TOLD = re.compile(r'\bt\(\s*"((?:[^"\\\\]|\\\\.)*)"')
-TABLES = ("PAGE", "CHECKS", "LIMITS", "RECORD", "SCALES")
+TABLES = ("PAGE", "CHECKS", "LIMITS", "RECORD", "SIDES", "SCALES")
+WORDS = ("words.js", "cells.js")
 
 
 def told_by_the_words(result_of):
     """Return the English sentences of the pages, with those of tables, and the German ones."""
-    text = (FOLDER / "js" / "words.js").read_text("utf-8")
+    text = "".join((FOLDER / "js" / name).read_text("utf-8") for name in WORDS)
     english, german, kept = result_of(f"""
-        import * as words from "./js/words.js";
+        import * as sentences from "./js/words.js";
+        import * as cells from "./js/cells.js";
+        const words = {{ ...sentences, ...cells }};
         import {{ GERMAN, OF_NODES }} from "./js/german.js";
         const texts = (value) =>
           typeof value === "string" ? [value] : Object.values(value).flatMap(texts);
@@ -279,9 +282,10 @@ def test_no_sentence_of_the_therapists_pages_is_missing_in_german_or_left_over(r
         assert other.strip() and places[0] == places[1], one
 
 
-def test_every_sentence_of_the_words_goes_through_the_language():
+@pytest.mark.parametrize("name", WORDS)
+def test_every_sentence_of_the_words_goes_through_the_language(name):
     """One that stands alone would stay English."""
-    text = re.sub(r"//.*", "", (FOLDER / "js" / "words.js").read_text("utf-8"))
+    text = re.sub(r"//.*", "", (FOLDER / "js" / name).read_text("utf-8"))
     text = TOLD.sub("", re.sub(r"= table\(\{.*?\n\}\);", "", text, flags=re.S))
     filled = [re.sub(r"\$\{[^}]*\}", "", each) for each in re.findall(r"`([^`]*)`", text)]
     alone = [each for each in [*re.findall(r'"([^"\n]*)"', text), *filled]
@@ -294,12 +298,13 @@ def test_german_sentences_are_filled_in_and_what_nodes_say_is_known(result_of):
     assert result_of("""
         globalThis.localStorage = { getItem: () => "de" };
         const words = await import("./js/words.js");
+        const { measureTitle } = await import("./js/cells.js");
         const state = { state: 2, patient: "P-7K3QX", protocol: "x", trial: 2, trials: 9,
           reason: "the arm pulls hard", recorded: true, kind: "reach", rest: null };
         const about = { side: "left", protocol: "lift", level: "", support: 6, stiffness: 80 };
         const result = [words.sessionSentence(state, []), words.toTick("A"),
           words.badge({ state: 1 }, { level: 0 })[0], words.asLastTime(about),
-          words.measureTitle({ label: "path error", unit: "mm" })];
+          measureTitle({ label: "path error", unit: "mm" })];
     """) == [
         "P-7K3QX: x. Pause, Bewegung 2 von 9: der Arm zieht stark. Sie wird aufgezeichnet.",
         "Noch anzukreuzen: A.", "▶\ufe0e Läuft",
@@ -708,7 +713,7 @@ def test_measures_are_shown_as_the_bridge_describes_them(result_of):
     measures = json.dumps(measures_for_screens())
     assert result_of(PLAYED_DOCUMENT + f"""
         const {{ MovementsCard }} = await import("./js/therapist/movements.js");
-        const {{ measureTitle }} = await import("./js/words.js");
+        const {{ measureTitle }} = await import("./js/cells.js");
         const card = new MovementsCard({measures});
         const cells = [];
         document.createElement = () => {{
@@ -739,12 +744,12 @@ def test_an_error_has_a_sentence(result_of, error, told):
     assert result_of(script) == told
 
 
-def test_sentences_stand_in_three_modules():
+def test_sentences_stand_in_modules_of_their_own():
     """The places to translate: of the therapist's page, and of the patient's screen."""
     sentence = re.compile(r"""["`][A-Z][a-z]+ [a-z][^"`]*["`]""")
     for file in (FOLDER / "js").rglob("*.js"):
         found = sentence.findall(file.read_text("utf-8"))
-        has_words = file.name in ("words.js", "languages.js", "german.js")
+        has_words = file.name in (*WORDS, "languages.js", "german.js")
         assert bool(found) == has_words, f"{file.name}: {found}"
 
 

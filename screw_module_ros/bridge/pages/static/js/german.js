@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The therapist's pages in German: each sentence of `words.js` by its English one; {0} and {1} are filled in.
+// The therapist's pages in German: each sentence of `words.js` and `cells.js` by its English one; {0} and {1} are filled in.
 
 export const GERMAN = {
   // The page of a session

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every sentence and label of the therapist's pages, and what is said when on the patient's screen, whose own
-// sentences are in `patient/languages.js`. Labels and units of measures come
-// from the bridge (`config.measures`), titles of protocols too.
+// Sentences of the therapist's pages, and what is said when on the patient's screen, whose own sentences are
+// in `patient/languages.js`. What tables and choices are made of is in `cells.js`.
 
+import { dueWords, minutesWords, moment, newtons, proposal, sideWords } from "./cells.js";
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
   SAFETY_STOPPED, STARTING, WAIT, isResting, isUnderWay, isWeighed,
@@ -98,7 +98,7 @@ export const PAGE = table({
   machine: "The robot", session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
   protocol: "Protocol", movements: "Protocol (movements), game", games: "Games", level: "Level", minutes: "Minutes",
   plan: "Add to the plan", lastTime: "As last time", record: "Record", start: "Start",
-  armSide: "Arm", sides: { "": "which?", left: "left", right: "right" },
+  armSide: "Arm",
   rest: "Rest 1 min", rests: "goes on by itself",
   ask: "Ask for pain",
   dims: "This screen may dim: set it so that it stays on.", soundsOn: "Tones: on", soundsOff: "Tones: off",
@@ -141,10 +141,6 @@ export const LIMITS = table({
 
 const UNWEIGHED = 15, OVER = 2; // [N] without a weight, and beyond it: bounds of the session's node
 
-function newtons(force) {
-  return `${force.toFixed(1)} N`;
-}
-
 // The largest support [N] and why it is no more. weight: of the arm [N], null if it is not known.
 export function supportLimit(weight, controller, drive) {
   const limits = [weight === null
@@ -155,11 +151,6 @@ export function supportLimit(weight, controller, drive) {
     limits.push([controller.support_limit, reason]);
   }
   return limits.reduce((least, each) => (each[0] < least[0] ? each : least));
-}
-
-// How much is carried, also as a share of the weight.
-export function supportShare(force, weight) {
-  return weight ? `${newtons(force)}, ${Math.round((100 * force) / weight)} %` : newtons(force);
 }
 
 export function supportSentence(controller, most, reason) {
@@ -205,15 +196,6 @@ export function again(patient, next) {
   return next ? t("{0}, next: {1}", patient, said(next.title)) : t("{0} again", patient);
 }
 
-function minutesWords(minutes) {
-  return `${Math.max(1, Math.round(minutes))} min`;
-}
-
-// What is planned, and about how long it takes.
-export function planned({ title, level, minutes }) {
-  return `${[said(title), level].filter(Boolean).join(", ")}: ${minutesWords(minutes)}`;
-}
-
 export function remove({ title }) {
   return t("Take {0} out of the plan", said(title));
 }
@@ -230,17 +212,6 @@ export function patientSound(isOn) {
 
 export function wasSet(name) {
   return t("{0}: set.", LIMITS[name]);
-}
-
-export function quantity(value, unit) {
-  return unit === "m" ? `${(100 * value).toFixed(1)} cm` : `${value.toFixed(value < 10 ? 2 : 0)} ${unit}`;
-}
-
-// Title of a measure's column, as `Peak speed [mm/s]`.
-export function measureTitle({ label, unit }) {
-  const word = said(label);
-  const words = word[0].toUpperCase() + word.slice(1);
-  return unit ? `${words} [${unit}]` : words;
 }
 
 // reaches, alone: results of the reaches, and of those without assistance.
@@ -415,47 +386,6 @@ export const RECORD = table({
   unreached: "Not reached, so it stays unless you see to it:", again: "Write the pseudonym again",
 });
 
-export const SCALES = table({
-  pain_before: "Pain before", pain_after: "Pain after", tired_before: "Tiredness before", tired_after: "Tiredness after",
-  pain_pause: "Pain at a pause", tired_pause: "Tiredness at a pause", went_on: "Went on after much of it",
-  discomfort: "Discomfort", FM_UE: "Fugl-Meyer, upper extremity", ARAT: "ARAT", MAS_elbow: "Ashworth, elbow", MAS_shoulder: "Ashworth, shoulder",
-  rests: "Rests", spasms: "Spasms", chair_x: "Chair, to the side [cm]", chair_height: "Chair, height [cm]", handle_angle: "Handle [°]",
-  side: "Arm to be trained", closed: "Therapy",
-});
-
-// Values that may be chosen; another scale up to 10 has whole numbers, a longer one is typed.
-const ASHWORTH = [0, 1, 1.5, 2, 3, 4];
-export const CHOICES = { MAS_elbow: ASHWORTH, MAS_shoulder: ASHWORTH };
-
-export function choiceWords(scale, value) {
-  if (scale === "side") return sideWords(value ? "right" : "left");
-  if (scale === "closed") return value ? t("closed") : t("open");
-  if (scale === "went_on") return value ? t("yes") : t("no");
-  return CHOICES[scale] && value === 1.5 ? "1+" : String(value);
-}
-
-// A local time with its zone, of ISO 8601.
-export function moment(at) {
-  const [day, time = ""] = at.split("T");
-  return [day, time.slice(0, 5), time.match(/[+-].*$/)?.[0]].filter(Boolean).join(" ");
-}
-
-export function sideWords(side) {
-  return PAGE.sides[side] ?? side;
-}
-
-const DUE = { weigh: t("weigh the arm"), assess: t("Fugl-Meyer or ARAT") };
-
-export function dueWords({ due }) {
-  return due.map((each) => DUE[each]).join(", ");
-}
-
-// What the last session ended with: support, time and side walls.
-export function proposal({ support, duration, stiffness }) {
-  return [support != null && t("{0} N support", support.toFixed(1)), duration != null && t("{0} s a movement", duration.toFixed(2)),
-    stiffness != null && t("{0} N/m side walls", stiffness.toFixed(0))].filter(Boolean).join(", ");
-}
-
 // What was last time of a patient who is known, "" where nothing was; isSet: it is to be so again, title: of its protocol.
 export function asLastTime(about, isSet = false, title = about.protocol) {
   const parts = [about.side && t("{0} arm", sideWords(about.side)), said(title), about.level, proposal(about)].filter(Boolean).join(", ");
@@ -469,25 +399,6 @@ export function countWords(about) {
   const due = dueWords(about);
   return [sessions === 1 ? t("{0} session", sessions) : t("{0} sessions", sessions), seen && t("last seen {0}", moment(seen)),
     proposal(about) && t("next {0}", proposal(about)), due && t("due: {0}", due)].filter(Boolean).join("; ");
-}
-
-export function sessionCells({ begun, protocol, level, side, trials, outcome, stops, support, simulated }) {
-  const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${said(reason)} (${count})` : said(reason)));
-  return [moment(begun), [protocol, level && `, ${level}`, simulated && ` (${t("simulated")})`].filter(Boolean).join(""), sideWords(side), String(trials),
-    [outcome, ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
-}
-
-export function weekWords(weeks) {
-  return t("{0} weeks", weeks.toFixed(weeks < 10 ? 1 : 0));
-}
-
-// What stands below a plot; what it says to who cannot see it.
-export function firstAndLatest({ points }) {
-  return points.length > 1 ? `${points[0].text} → ${points.at(-1).text}` : points[0].text;
-}
-
-export function plotted(line) {
-  return `${line.label}: ${firstAndLatest(line)}`;
 }
 
 export function forgetTitle(name) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sentences of the patient's screen, in each of its languages with the same keys. Those of the therapist's pages
-// are in `words.js`, and in German in `german.js`.
+// are in `words.js` and `cells.js`, and in German in `german.js`.
 
 const ENGLISH = {
   other: "Deutsch",

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // One patient: eleven lines over weeks, sessions, scores; report, export and forget.
 
+import { CHOICES, SCALES, choiceWords, moment, sessionCells, sideWords } from "../cells.js";
 import { el } from "../draw.js";
-import {
-  CHOICES, RECORD, SCALES, choiceWords, countWords, forgetTitle, moment, sideWords, sessionCells,
-} from "../words.js";
+import { RECORD, countWords, forgetTitle } from "../words.js";
 import { table } from "./patients.js";
 import { LineCard } from "./plot.js";
 

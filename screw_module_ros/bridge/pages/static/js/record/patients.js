@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of all patients: who is in therapy, what is due, what is proposed for the next session.
 
+import { dueWords, moment, proposal, sideWords } from "../cells.js";
 import { el } from "../draw.js";
 import { PATTERN, cleaned } from "../therapist/session.js";
-import { RECORD, dueWords, moment, proposal, sideWords } from "../words.js";
+import { RECORD } from "../words.js";
 
 export function table(heads, rows) {
   return el("div", { className: "scroll" }, el("table", {},

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // One line of a patient's progress over weeks: the first session hollow, the error of measurement grey.
 
+import { firstAndLatest, plotted, weekWords } from "../cells.js";
 import { BLUE, LINE, SOFT, disc, el, fitted, line, text } from "../draw.js";
-import { firstAndLatest, plotted, weekWords } from "../words.js";
 
 const LEFT = 34, EDGE = 8, LOW = 14, DOT = 3.5, SIZE = 10;
 

@@ -2,8 +2,9 @@
 // Limits of assistance and workspace: parameters of the session node, whose own bounds the sliders
 // take from its descriptions.
 
+import { quantity } from "../cells.js";
 import { el, say } from "../draw.js";
-import { LIMITS, PAGE, failure, patientSound, quantity, wasSet } from "../words.js";
+import { LIMITS, PAGE, failure, patientSound, wasSet } from "../words.js";
 
 const BOOL = 1, DOUBLE = 3; // ParameterType.msg
 

@@ -2,9 +2,10 @@
 // Results of the movements and changes of the assistance, newest first. The bridge sends those of the
 // session so far with each subscription, so that a reload or another device shows them all.
 
+import { measureTitle } from "../cells.js";
 import { el, say } from "../draw.js";
 import { isUnderWay } from "../link.js";
-import { PAGE, assistanceSentence, changeSentence, measureTitle, playSentence, resultSentence } from "../words.js";
+import { PAGE, assistanceSentence, changeSentence, playSentence, resultSentence } from "../words.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a patient does after another, in this tab, and how long it takes. A plan belongs to one pseudonym.
 
+import { planned } from "../cells.js";
 import { el, say } from "../draw.js";
 import { RUNNING, isUnderWay } from "../link.js";
-import { PAGE, planned, remove } from "../words.js";
+import { PAGE, remove } from "../words.js";
 
 const ENOUGH = 3; // movements, from which on their own pace tells how long the others take
 const LONGEST_S = 3; // between two states: a page that is silent for longer has paused the session

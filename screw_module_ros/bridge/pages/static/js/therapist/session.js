@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The form that starts a session, the buttons that pause, resume and end it, and pseudonyms.
 
+import { SIDES } from "../cells.js";
 import { el, say } from "../draw.js";
 import { said } from "../language.js";
 import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
@@ -66,7 +67,7 @@ export class SessionCard {
     this.left = el("p", { className: "left" });
     [this.about, this.isAsLast] = [null, false];
     this.lastTime = el("button", { name: "last_time", type: "button", onclick: () => this.switchLastTime() }, PAGE.lastTime);
-    this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(PAGE.sides).map(
+    this.side = el("select", { className: "side", ariaLabel: PAGE.armSide }, ...Object.entries(SIDES).map(
       ([value, words]) => el("option", { value }, words)));
     this.record = el("input", { type: "checkbox", checked: true });
     this.asks = el("input", { type: "checkbox", checked: true });

@@ -2,9 +2,10 @@
 // The support of the arm's weight: what it weighs, how much of it the robot carries, and the dialogue
 // that finds it out. The session's node bounds what is asked for; the controller what is in use.
 
+import { supportShare } from "../cells.js";
 import { el, say } from "../draw.js";
 import { RUNNING, STARTING, isUnderWay, isWeighed } from "../link.js";
-import { PAGE, armSentence, failure, supportLimit, supportSentence, supportShare, weighWords } from "../words.js";
+import { PAGE, armSentence, failure, supportLimit, supportSentence, weighWords } from "../words.js";
 
 const FORCE = "support.force";
 const DOUBLE = 3; // ParameterType.msg
