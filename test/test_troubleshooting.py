@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sentences import PACKAGE, sentences
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "screw_module_ros"
 TEXT = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
 SENTENCES = TEXT.partition("## Sentences of the nodes")[2]
 
@@ -46,35 +44,6 @@ NOT_SAID = (
 )
 
 
-def _template(node: ast.expr) -> str:
-    """Return a text, its variable parts as {}."""
-    if isinstance(node, ast.JoinedStr):
-        return "".join(map(_template, node.values))
-    return str(node.value) if isinstance(node, ast.Constant) else "{}"
-
-
-def _sentences(path: Path) -> Iterator[str]:
-    """Yield the texts of three words and more that a module may say."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    left_out: set[int] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Expr):  # docstrings
-            left_out.add(id(node.value))
-        if isinstance(node, ast.Assert):  # for who changes the code
-            left_out.add(id(node.msg))
-        if isinstance(node, ast.JoinedStr):
-            left_out |= {id(value) for value in node.values}
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Setting":
-            left_out |= {id(part) for part in ast.walk(node)}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.JoinedStr) or (
-            isinstance(node, ast.Constant) and isinstance(node.value, str)
-        ):
-            text = _template(node)
-            if id(node) not in left_out and len(text.split()) > 2:
-                yield text
-
-
 def _patterns() -> list[str]:
     """Return the left column's texts, as regular expressions; … stands for anything."""
     cells = re.findall(r"^\| (`.*?`) \| ", SENTENCES, re.MULTILINE)
@@ -84,14 +53,14 @@ def _patterns() -> list[str]:
 
 PATTERNS = _patterns()
 SAID = sorted(
-    {text for pattern in COVERED for path in PACKAGE.glob(pattern) for text in _sentences(path)}
+    {text for pattern in COVERED for path in PACKAGE.glob(pattern) for text in sentences(path)}
 )
 
 
 @pytest.fixture(scope="module")
 def everywhere() -> list[str]:
     """Return the texts of the whole package."""
-    return [text for path in PACKAGE.rglob("*.py") for text in _sentences(path)]
+    return [text for path in PACKAGE.rglob("*.py") for text in sentences(path)]
 
 
 @pytest.mark.parametrize("sentence", SAID)

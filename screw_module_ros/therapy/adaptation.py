@@ -215,7 +215,7 @@ def adapted(
 
 
 def _about_time(before: Assistance, after: Assistance, speed: float) -> str:
-    time = "time" + _unchanged(speed, "shortest", "longest")
+    time = _unchanged("time", speed, "shortest", "longest")
     if after.duration < before.duration:
         time = "less time, as the hand led the wall"
     elif after.duration > before.duration:
@@ -224,7 +224,7 @@ def _about_time(before: Assistance, after: Assistance, speed: float) -> str:
 
 
 def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float) -> str:
-    walls = "side walls" + _unchanged(accuracy, "softest", "stiffest")
+    walls = _unchanged("side walls", accuracy, "softest", "stiffest")
     if after.side_stiffness < before.side_stiffness:
         walls = "softer side walls, as the hand kept to the line"
     elif after.side_stiffness > before.side_stiffness:
@@ -232,8 +232,8 @@ def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float
     return f"{_about_time(before, after, speed)}; {walls} (metric {accuracy:+.3f})"
 
 
-def _unchanged(metric: float, least: str, most: str) -> str:
+def _unchanged(what: str, metric: float, least: str, most: str) -> str:
     """Return why a parameter did not change: the metric is zero, or a bound limits it."""
     if metric == 0.0:
-        return " as before"
-    return f" already the {least if metric > 0.0 else most} allowed"
+        return f"{what} as before"
+    return f"{what} already the {least if metric > 0.0 else most} allowed"

@@ -200,7 +200,7 @@ def _figure(name: str, visit: _Visit) -> Point:
     low, high = interval(found, signs(len(found)))
     text = number_text(name, median(found))
     if math.isfinite(low):
-        text += f" ({number_text(name, low)} to {number_text(name, high)})"
+        text = f"{text} ({number_text(name, low)} to {number_text(name, high)})"
     return Point(median(found), low, high, text)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
+from page_modules import PLAYED_DOCUMENT, node_program
 from urdf_model import Model
 
 import picture
@@ -21,47 +21,6 @@ from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.recording.pseudonym import PATTERN, checked_pseudonym
 from screw_module_ros.therapy.protocol import GAME, KINDS
 from screw_module_ros.trials.moving_picture import moving_picture
-
-PLAYED_DOCUMENT = """
-class Played {
-  constructor() { this.classList = { add() {}, remove() {}, toggle() {} }; this.textContent = ""; }
-  append() {} setAttribute() {} replaceChildren() {} checkValidity() { return true; }
-}
-globalThis.document = { createElement: () => new Played(), getElementById: () => new Played() };
-globalThis.getComputedStyle = () => ({ fontSize: "16px" });
-"""
-
-
-def node_program() -> str | None:
-    """Return Node, which comes with Playwright."""
-    try:
-        from playwright._impl._driver import compute_driver_executable
-    except ImportError:
-        return shutil.which("node")
-    found = compute_driver_executable()
-    return str(found[0] if isinstance(found, tuple) else found)
-
-
-@pytest.fixture
-def result_of(tmp_path):
-    """Return a function that gives the value of `result` at the end of a script."""
-    program = node_program()
-    if program is None:
-        pytest.skip("neither Playwright nor Node is installed")
-    shutil.copytree(FOLDER / "js", tmp_path / "js")
-    (tmp_path / "package.json").write_text('{"type": "module"}')
-
-    def run(script: str):
-        file = tmp_path / "script.js"
-        file.write_text(f"{script}\nconsole.log(JSON.stringify(result));\n")
-        ended = subprocess.run(
-            [program, str(file)], check=False, capture_output=True, text=True, timeout=60
-        )
-        assert ended.returncode == 0, ended.stderr
-        return json.loads(ended.stdout)
-
-    return run
-
 
 COUNTED = PLAYED_DOCUMENT + """
 const { Count } = await import("./js/patient/main.js");
@@ -261,23 +220,23 @@ WORDS = ("words.js", "cells.js")
 def told_by_the_words(result_of):
     """Return the English sentences of the pages, with those of tables, and the German ones."""
     text = "".join((FOLDER / "js" / name).read_text("utf-8") for name in WORDS)
-    english, german, kept = result_of(f"""
+    english, german = result_of(f"""
         import * as sentences from "./js/words.js";
         import * as cells from "./js/cells.js";
         const words = {{ ...sentences, ...cells }};
-        import {{ GERMAN, OF_NODES }} from "./js/german.js";
+        import {{ GERMAN }} from "./js/german.js";
         const texts = (value) =>
           typeof value === "string" ? [value] : Object.values(value).flatMap(texts);
         const tables = {json.dumps(TABLES)}.flatMap((name) => texts(words[name]));
-        const result = [tables, GERMAN, OF_NODES];
+        const result = [tables, GERMAN];
     """)
-    return {*TOLD.findall(text), *filter(None, english)}, german, kept
+    return {*TOLD.findall(text), *filter(None, english)}, german
 
 
 def test_no_sentence_of_the_therapists_pages_is_missing_in_german_or_left_over(result_of):
-    english, german, kept = told_by_the_words(result_of)
+    english, german = told_by_the_words(result_of)
     assert english == set(german)
-    for one, other in [*german.items(), *kept.items()]:
+    for one, other in german.items():
         places = [sorted(re.findall(r"\{\d\}", each)) for each in (one, other)]
         assert other.strip() and places[0] == places[1], one
 
@@ -749,7 +708,7 @@ def test_sentences_stand_in_modules_of_their_own():
     sentence = re.compile(r"""["`][A-Z][a-z]+ [a-z][^"`]*["`]""")
     for file in (FOLDER / "js").rglob("*.js"):
         found = sentence.findall(file.read_text("utf-8"))
-        has_words = file.name in (*WORDS, "languages.js", "german.js")
+        has_words = file.name in (*WORDS, "languages.js", "german.js", "german_nodes.js")
         assert bool(found) == has_words, f"{file.name}: {found}"
 
 

@@ -38,6 +38,7 @@ class PlayedRobot(FakeGateway):
         self.axis = {"support": 0.0, "support_limit": 25.0, "hand_off": False}
         self.brakes = True
         self.refuses = self.refuses_support = False
+        self.why, self.reasons = "", []
 
     async def call(self, service, arguments):
         self.calls.append((service, arguments))
@@ -59,7 +60,7 @@ class PlayedRobot(FakeGateway):
                 return {"results": [{"successful": False, "reason": why}]}
             values[parameter["name"]] = value.get("double_value", value.get("bool_value"))
             return {"results": [{"successful": True, "reason": ""}]}
-        return {"success": not self.refuses, "message": "", "sessions": 0}
+        return {"success": not self.refuses, "message": self.why, "sessions": 0}
 
     def move(self, **state):
         """Tell a moment of all topics of all robots; state: fields of therapy/state."""
@@ -75,7 +76,8 @@ class PlayedRobot(FakeGateway):
                 "force": {"x": 8 * away, "y": -6 * across, "z": 2.0},
                 "valid": [True] * 3, "enabled": [not self.off] * 2, "safety": 0,
             })  # fmt: skip
-            self.tell(f"{above}/safety_state", {"level": 0, "reasons": []})
+            level = 2 if self.reasons else 0
+            self.tell(f"{above}/safety_state", {"level": level, "reasons": self.reasons})
             self.tell(f"{above}/screw/controller_state", self.axis)
             self.tell(f"{above}/screw/amplifier_state", {"brakes": self.brakes})
             self.tell(f"{above}/therapy/state", {
@@ -650,6 +652,27 @@ def test_the_therapists_page_speaks_german_and_keeps_it(therapist, size):
     page.get_by_role("button", name="English").click()
     page.get_by_role("button", name="Deutsch").wait_for()
     given.until_text(page, "The robot is ready, the torque is on.")
+
+
+def test_a_german_therapist_reads_refusals_pauses_and_the_weighing_in_german(therapist):
+    given, page = therapist()
+    page.get_by_role("button", name="Deutsch").click()
+    given.until_text(page, "Der Roboter ist bereit, das Drehmoment ist an.")
+    given.robot.refuses = True
+    given.robot.why = "an arm is being weighed: wait, or end that"
+    page.get_by_role("button", name="Neu").click()
+    page.get_by_label("Arm", exact=True).select_option("right")
+    tick(page)
+    given.look()
+    page.get_by_role("button", name="Start", exact=True).click()
+    given.until_text(page, "ein Arm wird gewogen: warten Sie, oder beenden Sie das")
+    arm = "let it hang: near, 1 of 3"
+    given.until_text(page, "Hängen lassen: nah, 1 von 3.", kind="weigh", phase=3, arm=arm)
+    why = "the hand is 31 mm from the start of trial 4 after 8 s: free it, then resume"
+    paused = {**RUNS, "state": PAUSED, "kind": "reach", "arm": "", "reason": why}
+    given.until_text(page, "die Hand ist nach 8 s noch 31 mm vom Anfang der Bewegung 4", **paused)
+    given.robot.reasons = ["encoder: no sample for 7.1 ms", "drive node 5 sent an emergency"]
+    given.until_text(page, "Encoder: seit 7.1 ms keine Messung; drive node 5 sent an emergency.")
 
 
 def test_the_page_says_why_an_arm_that_nothing_carries_fails(therapist):

@@ -21,7 +21,7 @@ export function minutesWords(minutes) {
 
 // What is planned, and about how long it takes.
 export function planned({ title, level, minutes }) {
-  return `${[said(title), level].filter(Boolean).join(", ")}: ${minutesWords(minutes)}`;
+  return `${[title, level].filter(Boolean).map(said).join(", ")}: ${minutesWords(minutes)}`;
 }
 
 export function quantity(value, unit) {
@@ -84,8 +84,8 @@ export function proposal({ support, duration, stiffness }) {
 
 export function sessionCells({ begun, protocol, level, side, trials, outcome, stops, support, simulated }) {
   const why = Object.entries(stops).map(([reason, count]) => (count > 1 ? `${said(reason)} (${count})` : said(reason)));
-  return [moment(begun), [protocol, level && `, ${level}`, simulated && ` (${t("simulated")})`].filter(Boolean).join(""), sideWords(side), String(trials),
-    [outcome, ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
+  return [moment(begun), [protocol, level && `, ${said(level)}`, simulated && ` (${t("simulated")})`].filter(Boolean).join(""), sideWords(side), String(trials),
+    [said(outcome), ...why].filter(Boolean).join("; "), support === null ? "" : newtons(support)];
 }
 
 export function weekWords(weeks) {
@@ -94,9 +94,9 @@ export function weekWords(weeks) {
 
 // What stands below a plot; what it says to who cannot see it.
 export function firstAndLatest({ points }) {
-  return points.length > 1 ? `${points[0].text} → ${points.at(-1).text}` : points[0].text;
+  return (points.length > 1 ? [points[0], points.at(-1)] : points).map(({ text }) => said(text)).join(" → ");
 }
 
 export function plotted(line) {
-  return `${line.label}: ${firstAndLatest(line)}`;
+  return `${said(line.label)}: ${firstAndLatest(line)}`;
 }

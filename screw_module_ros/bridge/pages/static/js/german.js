@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The therapist's pages in German: each sentence of `words.js` and `cells.js` by its English one; {0} and {1} are filled in.
+// What the nodes say is in `german_nodes.js`.
 
 export const GERMAN = {
   // The page of a session
@@ -110,17 +111,4 @@ export const GERMAN = {
   "Nothing is known of this pseudonym.": "Von diesem Pseudonym ist nichts bekannt.", "{0} session": "{0} Sitzung", "{0} sessions": "{0} Sitzungen", "last seen {0}": "zuletzt da {0}",
   "next {0}": "als Nächstes {0}", "due: {0}": "fällig: {0}", "simulated": "simuliert", "{0} weeks": "{0} Wochen", "Forget {0}": "{0} vergessen",
   "The patient was forgotten. Copies elsewhere are yours to delete.": "Der Patient ist vergessen. Kopien anderswo zu löschen ist Ihre Sache.",
-};
-
-// Of what the nodes say, in English alone, the sentences that a therapist reads most; others stay as they are.
-export const OF_NODES = {
-  "the patient asked": "der Patient wollte es", "the arm pulls hard": "der Arm zieht stark", "the therapist paused it": "die Therapeutin hat sie angehalten", "a rest": "eine Rast",
-  "the therapist ended it": "die Therapeutin hat sie beendet", "waiting for the recording": "wartet auf die Aufzeichnung",
-  "the therapist's page has been silent for 2 s": "die Seite der Therapeutin hat sich 2 s lang nicht gemeldet",
-  "the robot's safety monitor permits no motion": "der Wächter des Roboters erlaubt keine Bewegung", "the plane's torque is off": "das Drehmoment der Ebene ist aus",
-  "the vertical torque is off": "das senkrechte Drehmoment ist aus", "the vertical axis is locked": "die senkrechte Achse ist verriegelt",
-  "Evaluation without assistance": "Prüfung ohne Hilfe", "Reaching in the plane, assisted as needed": "Greifen in der Ebene, Hilfe nach Bedarf",
-  "Lifting and lowering, assisted as needed": "Heben und Senken, Hilfe nach Bedarf", "Reaching in space, assisted as needed": "Greifen im Raum, Hilfe nach Bedarf",
-  "Reaching with the arm carried less and less": "Greifen mit immer weniger getragenem Arm", "Pick fruit": "Obst pflücken",
-  "duration": "Dauer", "peak speed": "größte Geschwindigkeit", "path error": "Abstand von der Geraden", "robot's share of the work": "Anteil des Roboters",
 };

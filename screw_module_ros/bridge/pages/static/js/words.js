@@ -17,12 +17,12 @@ const FAILURES = {
   closed: () => t("there is no connection to the robot"),
   unanswered: (service) => t("{0} did not answer", service),
   silent: () => t("The bridge does not answer."),
-  refused: (why) => t("Not let in: {0}", why),
+  refused: (why) => t("Not let in: {0}", said(why)),
 };
 
-// The sentence of an error; the bridge and the nodes send sentences themselves.
+// The sentence of an error; the bridge and the nodes say some themselves.
 export function failure({ cause, message }) {
-  return FAILURES[cause]?.(message) ?? message;
+  return FAILURES[cause]?.(message) ?? said(message);
 }
 
 // The patient's screen ----------------------------------------------------------------------
@@ -168,7 +168,7 @@ export function weighWords(state) {
 // What the arm weighs, and what the dialogue that weighs it waits for or has found.
 export function armSentence(state) {
   if (!state) return "";
-  const { arm, arm_weight: weight, arm_spread: spread } = state;
+  const { arm_weight: weight, arm_spread: spread } = state, arm = said(state.arm);
   if (arm) return `${arm[0].toUpperCase()}${arm.slice(1)}.`;
   return weight === null ? t("The arm is not weighed.") : t("The arm weighs {0}; its places differ by {1}.", newtons(weight), newtons(spread));
 }
@@ -243,7 +243,7 @@ export function assistanceSentence(state) {
 }
 
 export function changeSentence({ block, circuit, duration, side, reason }) {
-  return t("Block {0}, circuit {1}: {2} s, side walls {3} N/m; {4}", block, circuit, duration.toFixed(2), side.toFixed(0), reason);
+  return t("Block {0}, circuit {1}: {2} s, side walls {3} N/m; {4}", block, circuit, duration.toFixed(2), side.toFixed(0), said(reason));
 }
 
 const PHASES = {
@@ -264,7 +264,7 @@ export function sessionSentence(state, protocols, since = null) {
   const reason = said(state.reason);
   const kept = state.recorded ? t("It is recorded.") : t("It is not recorded.");
   const isGame = state.kind === "game";
-  const count = isGame ? t("{0}, minute {1} of {2}", state.block, state.trial, state.trials)
+  const count = isGame ? t("{0}, minute {1} of {2}", said(state.block), state.trial, state.trials)
     : t("movement {0} of {1}", state.trial, state.trials);
   switch (state.state) {
     case RUNNING: {
@@ -388,7 +388,7 @@ export const RECORD = table({
 
 // What was last time of a patient who is known, "" where nothing was; isSet: it is to be so again, title: of its protocol.
 export function asLastTime(about, isSet = false, title = about.protocol) {
-  const parts = [about.side && t("{0} arm", sideWords(about.side)), said(title), about.level, proposal(about)].filter(Boolean).join(", ");
+  const parts = [about.side && t("{0} arm", sideWords(about.side)), said(title), about.level && said(about.level), proposal(about)].filter(Boolean).join(", ");
   if (!parts) return "";
   return isSet ? t("From Start on as last time: {0}.", parts) : t("Last time: {0}.", parts);
 }

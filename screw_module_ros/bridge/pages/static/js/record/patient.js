@@ -3,6 +3,7 @@
 
 import { CHOICES, SCALES, choiceWords, moment, sessionCells, sideWords } from "../cells.js";
 import { el } from "../draw.js";
+import { said } from "../language.js";
 import { RECORD, countWords, forgetTitle } from "../words.js";
 import { table } from "./patients.js";
 import { LineCard } from "./plot.js";
@@ -25,7 +26,7 @@ export class PatientView {
       el("span", { className: "about" }, countWords(about)));
     this.lines = (progress?.lines ?? []).map((line) => new LineCard(line, progress.weeks));
     const lines = el("section", { className: "lines" }, ...this.lines.map(({ element }) => element),
-      el("p", { className: "line note" }, progress ? `${progress.note} ${RECORD.statement}` : RECORD.noProgress));
+      el("p", { className: "line note" }, progress ? `${said(progress.note)} ${RECORD.statement}` : RECORD.noProgress));
     const held = sessions.map((each, n) => el("tr", {},
       el("td", { className: "count" }, String(n + 1)), ...sessionCells(each).map((words, n) => el("td", { className: n ? "" : "when" }, words)),
       el("td", {}, button(RECORD.report, () => acts.report(n + 1))))).reverse();
@@ -82,6 +83,6 @@ export function forgetCard(name, { own, shared, beyond }, forget) {
     forget(typed.value);
   };
   return el("section", { className: "card" }, el("h2", {}, forgetTitle(name)), el("p", {}, RECORD.deleted), list([...own, RECORD.rows]),
-    el("p", {}, RECORD.unreached), list([...shared, ...beyond]),
+    el("p", {}, RECORD.unreached), list([...shared, ...beyond.map(said)]),
     el("form", { className: "row", onsubmit: submit }, el("label", {}, RECORD.again, typed), go));
 }

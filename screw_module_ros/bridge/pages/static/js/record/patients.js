@@ -3,6 +3,7 @@
 
 import { dueWords, moment, proposal, sideWords } from "../cells.js";
 import { el } from "../draw.js";
+import { said } from "../language.js";
 import { PATTERN, cleaned } from "../therapist/session.js";
 import { RECORD } from "../words.js";
 
@@ -36,5 +37,5 @@ export function patientsCard({ patients, notes }, open) {
     el("form", { className: "row form", onsubmit: find },
       el("label", {}, RECORD.other, name), el("button", { type: "submit" }, RECORD.open),
       el("label", {}, box, RECORD.withClosed)),
-    place, ...notes.map((words) => el("p", { className: "note" }, words)));
+    place, ...notes.map((words) => el("p", { className: "note" }, said(words))));
 }

@@ -3,6 +3,7 @@
 
 import { firstAndLatest, plotted, weekWords } from "../cells.js";
 import { BLUE, LINE, SOFT, disc, el, fitted, line, text } from "../draw.js";
+import { said } from "../language.js";
 
 const LEFT = 34, EDGE = 8, LOW = 14, DOT = 3.5, SIZE = 10;
 
@@ -13,9 +14,9 @@ export class LineCard {
     this.weeks = weeks;
     this.shown = found.points.map((point, n) => ({ ...point, week: weeks[n] })).filter(({ value }) => value !== null);
     this.canvas = el("canvas", { role: "img", ariaLabel: plotted(found), hidden: !this.shown.length });
-    this.element = el("figure", { className: "line" }, el("h3", {}, found.label), this.canvas,
+    this.element = el("figure", { className: "line" }, el("h3", {}, said(found.label)), this.canvas,
       el("p", { className: "latest" }, firstAndLatest(found)),
-      ...[found.slope, found.change].filter(Boolean).map((words) => el("p", {}, words)));
+      ...[found.slope, found.change].filter(Boolean).map((words) => el("p", {}, said(words))));
   }
 
   draw() {

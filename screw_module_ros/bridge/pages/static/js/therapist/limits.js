@@ -4,6 +4,7 @@
 
 import { quantity } from "../cells.js";
 import { el, say } from "../draw.js";
+import { said } from "../language.js";
 import { LIMITS, PAGE, failure, patientSound, wasSet } from "../words.js";
 
 const BOOL = 1, DOUBLE = 3; // ParameterType.msg
@@ -32,7 +33,7 @@ export class LimitsCard {
     const parameters = [{ name: "patient_sound", value: { type: BOOL, bool_value: !this.hasSound } }];
     try {
       const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
-      say(this.told, successful ? "" : reason);
+      say(this.told, said(reason));
     } catch (error) {
       say(this.told, failure(error));
     }

@@ -4,7 +4,7 @@
 import { Awake } from "../awake.js";
 import { el, say } from "../draw.js";
 import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken, tellPresses } from "../link.js";
-import { changeLanguage, language } from "../language.js";
+import { changeLanguage, language, said } from "../language.js";
 import { Desk } from "../record/desk.js";
 import { Sound } from "../sound.js";
 import {
@@ -153,7 +153,7 @@ function notice(sentence) {
 function connected(isOpen, sentence) {
   document.body.dataset.open = isOpen;
   say($("connection"), isOpen ? PAGE.connected : PAGE.unconnected);
-  notice(sentence || (isOpen ? "" : PAGE.lost));
+  notice(said(sentence) || (isOpen ? "" : PAGE.lost));
   if (isOpen) for (const panel of panels) panel.limits.load();
 }
 

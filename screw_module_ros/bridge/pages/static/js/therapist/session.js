@@ -169,7 +169,7 @@ export class SessionCard {
   choose() {
     const { levels = [], minutes, picture = "" } = this.chosen;
     this.game.hidden = !levels.length;
-    this.level.replaceChildren(...levels.map((level) => el("option", { value: level }, level)));
+    this.level.replaceChildren(...levels.map((level) => el("option", { value: level }, said(level))));
     this.minutes.value = levels.length ? minutes : "";
     this.shown.hidden = !picture;
     if (picture) this.shown.src = `/games/${picture}`;
@@ -225,7 +225,7 @@ export class SessionCard {
     try {
       const { results: [{ successful, reason }] } = await this.call(
         "therapy_session/set_parameters", { parameters: [{ name: "support.force", value }] });
-      if (!successful) this.tell(reason);
+      if (!successful) this.tell(said(reason));
       return successful;
     } catch (error) {
       this.tell(failure(error));
@@ -260,7 +260,7 @@ export class SessionCard {
     this.tell("");
     try {
       const { success, message } = await this.call(service, args);
-      this.tell(message, success);
+      this.tell(said(message), success);
     } catch (error) {
       this.tell(failure(error));
     }

@@ -4,6 +4,7 @@
 
 import { supportShare } from "../cells.js";
 import { el, say } from "../draw.js";
+import { said } from "../language.js";
 import { RUNNING, STARTING, isUnderWay, isWeighed } from "../link.js";
 import { PAGE, armSentence, failure, supportLimit, supportSentence, weighWords } from "../words.js";
 
@@ -79,7 +80,7 @@ export class SupportCard {
   async telling(act) {
     try {
       const { success, message } = await act();
-      say(this.told, success ? "" : message); // what comes next stands in the state
+      say(this.told, success ? "" : said(message)); // what comes next stands in the state
     } catch (error) {
       say(this.told, failure(error));
     }
