@@ -447,6 +447,24 @@ def test_a_plan_proposes_the_next_and_tells_the_minutes_left_and_ends_with_its_p
     assert page.locator(".plan li").count() == 0, "a plan is one patient's"
 
 
+OVERLAPS = """[...document.querySelectorAll('.plan li')].filter((each) => {
+  const words = document.createRange();
+  words.selectNodeContents(each.firstChild);
+  const [text, button] = [words, each.lastChild].map((part) => part.getBoundingClientRect());
+  return text.right > button.left || button.bottom > each.getBoundingClientRect().bottom + 1;
+}).length"""
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 1280), (1280, 800)])
+def test_what_is_planned_stands_beside_its_buttons(therapist, size):
+    _, page = therapist(size=size)
+    for name in ("lift", "reach_3d", "fruit"):
+        page.get_by_label("Protocol", exact=True).select_option(name)
+        page.get_by_role("button", name="Add to the plan").click()
+    assert page.evaluate(OVERLAPS) == 0
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
 ABOUT = {
     "patient": "P-7K3QX", "side": "left", "sessions": 3, "protocol": "elevator", "level": "",
     "trials": 688, "support": 11.04, "duration": 1.2, "stiffness": 140.0,
@@ -644,6 +662,9 @@ def test_the_therapists_page_speaks_german_and_keeps_it(therapist, size):
     given.until_text(page, "Drücken Sie Neu für ein Pseudonym")
     start = page.get_by_role("button", name="Start", exact=True)
     assert start.is_disabled() and "Ein Pseudonym wie P-7K3QX fehlt" in page.inner_text(".missing")
+    if size[0] >= 1200:
+        assert page.evaluate("document.documentElement.scrollHeight") == size[1]
+    assert page.locator(".top").bounding_box()["height"] <= 170, "its sentence has its place"
     runs = "P-7K3QX: Heben und Senken, Hilfe nach Bedarf. Läuft, Bewegung 1 von"
     given.until_text(page, runs, **RUNS)
     given.until_text(page, "der Patient wollte es", state=PAUSED, reason="the patient asked")
@@ -657,6 +678,7 @@ def test_the_therapists_page_speaks_german_and_keeps_it(therapist, size):
 def test_a_german_therapist_reads_refusals_pauses_and_the_weighing_in_german(therapist):
     given, page = therapist()
     page.get_by_role("button", name="Deutsch").click()
+    page.get_by_role("button", name="English").wait_for()  # it is loaded anew
     given.until_text(page, "Der Roboter ist bereit, das Drehmoment ist an.")
     given.robot.refuses = True
     given.robot.why = "an arm is being weighed: wait, or end that"
