@@ -35,7 +35,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage."""
+    """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage.
+
+    1 also for what else can go wrong, which is said in one sentence.
+    """
     options = _parser().parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -43,11 +46,11 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         code = options.run(options)
         sys.stdout.flush()
-    except BagError as error:
-        print(f"session: {error}", file=sys.stderr)
-        return 1
     except BrokenPipeError:  # `session info BAG | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (BagError, OSError, ValueError) as error:  # what can go wrong, as of every command
+        print(f"session: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -21,7 +21,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..files import PRIVATE_FILE, PRIVATE_FOLDER, replace, state_folder
-from ..recording.bag import BagError
 from .rights import PATIENT, THERAPIST
 
 _BYTES = 24
@@ -114,14 +113,11 @@ def _code(text: str) -> str:
 
 def _token(options: argparse.Namespace) -> int:
     file = options.file or token_file()
-    try:
-        tokens = tokens_in(file)
-        if not options.remove:
-            tokens[options.code] = secrets.token_urlsafe(_BYTES)
-            print(f"/therapist#token={tokens[options.code]}")
-        elif tokens.pop(options.code, None) is None:
-            raise BagError(f"{options.code} has no token in {file}")
-        _write(file, tokens)
-    except OSError as error:
-        raise BagError(str(error)) from None
+    tokens = tokens_in(file)
+    if not options.remove:
+        tokens[options.code] = secrets.token_urlsafe(_BYTES)
+        print(f"/therapist#token={tokens[options.code]}")
+    elif tokens.pop(options.code, None) is None:
+        raise TokenError(f"{options.code} has no token in {file}")
+    _write(file, tokens)
     return 0

@@ -15,7 +15,6 @@ from __future__ import annotations
 import os
 import shutil
 import threading
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -25,7 +24,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings
-from screw_module_ros.recording.pseudonym import NAMED_DATE, checked_pseudonym, owner
+from screw_module_ros.recording.pseudonym import checked_pseudonym, date_in_name, owner
 from screw_module_ros.recording.recorder import (
     PARAMETERS,
     REFUSED,
@@ -165,7 +164,7 @@ class SessionRecorder(Node):
         parent = self._parent()
         if name:
             return self._recording(parent / one_name(name, "name"), storage)
-        name = f"session_{datetime.now(timezone.utc):{NAMED_DATE}Z}"
+        name = f"session_{date_in_name()}"
         for number in range(2, _MOST_IN_A_SECOND):
             try:
                 return self._recording(parent / name, storage)

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
 
@@ -25,12 +24,11 @@ from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.files import state_folder
-from screw_module_ros.recording.pseudonym import NAMED_DATE, checked_pseudonym
+from screw_module_ros.recording.pseudonym import checked_pseudonym, date_in_name
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.arm import WEIGHED, Arm
-from screw_module_ros.therapy.arm_weights import Arms
+from screw_module_ros.therapy.arm_weights import Arms, weights_file
 from screw_module_ros.therapy.asked import AFTER, ANSWERS, BEFORE, PAUSE, Asked
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.hand import PLANE, SPACE, VERTICAL, HandSample, Point, hand_sample
@@ -200,8 +198,7 @@ class TherapySessionNode(Node):
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
 
     def _new_course(self, attendance: Attendance) -> Course:
-        file = state_folder() / "therapy_session" / "arm_weights.json"
-        return Course(attendance, Arm(file, lambda: self.clock.stamp_ns() // 1_000_000_000))
+        return Course(attendance, Arm(weights_file(), lambda: self.clock.stamp_ns() // 10**9))
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the support asked for by hand must not be; before activation it counts not."""
@@ -426,8 +423,7 @@ class TherapySessionNode(Node):
         course.sent = (None, *course.sent[1:])
         self._recording.folder = None
         if request.record:
-            date = f"{datetime.now(timezone.utc):{NAMED_DATE}Z}"
-            self._recording.ask(f"{patient}_{protocol.name}_{date}")
+            self._recording.ask(f"{patient}_{protocol.name}_{date_in_name()}")
         hand = None if course.arm.hangs(sample) else sample.position
         self._wishes.begin(self.parameters.read(WishLimits, "wish"), hand, now_ns)
         return ""

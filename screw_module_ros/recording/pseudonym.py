@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from datetime import datetime, timezone
 from pathlib import Path
 
 from ..files import PRIVATE_FOLDER
@@ -18,7 +19,7 @@ ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 LENGTH = 5
 _FORM = rf"P-[{ALPHABET}]{{{LENGTH}}}"
 NAMED_DATE = "%Y_%m_%d-%H_%M_%S"
-"""Date in the name of a bag: in UTC, with a Z behind it, so that names sort and say one moment."""
+"""Date in a name: in UTC, with a Z behind it, so that names sort and say one moment."""
 PATTERN = re.compile(rf"(?=.*[2-9]){_FORM}")
 """With a digit: else a name of five letters would be one."""
 
@@ -46,6 +47,11 @@ def checked_pseudonym(text: str) -> str:
             "P-7K3QX; no names, no free text (`session new` makes new pseudonyms)"
         )
     return text
+
+
+def date_in_name() -> str:
+    """Return the present time as the names of bags and of the folders of runs have it."""
+    return f"{datetime.now(timezone.utc):{NAMED_DATE}Z}"
 
 
 def owner(bag: str) -> str:

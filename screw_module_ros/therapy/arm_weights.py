@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from ..files import PRIVATE_FOLDER, replace
+from ..files import PRIVATE_FOLDER, replace, state_folder
 from ..settings import Setting, SettingError
 from ..settings_file import read_file
 
@@ -43,6 +43,11 @@ class Arms(NamedTuple):
 
 class _Weights(NamedTuple):
     patients: dict[str, Arms]
+
+
+def weights_file() -> Path:
+    """Return the file in which `therapy_session` has them."""
+    return state_folder() / "therapy_session" / "arm_weights.json"
 
 
 def arms_of(file: Path, patient: str) -> Arms:

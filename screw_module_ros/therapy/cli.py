@@ -16,11 +16,11 @@ from typing import Any
 
 from ..recording.bag import BagError
 from ..recording.pseudonym import PseudonymError, checked_pseudonym, new_pseudonym, patient_folder
-from ..settings import SettingError
+from .arm_weights import weights_file
 from .bids import write_bids
 from .events import actions_of, events_of
 from .export import csv_text, masked, write_tables
-from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore, weights_file
+from .keeping import BEYOND_REACH, back_up, forget, of_patient, restore
 from .progress import as_text, progress_of
 from .record import ACCESS, Record, alone, local, opened, sources, sum_of
 from .recorded import Recorded, read_sessions
@@ -61,7 +61,7 @@ def _new(options: argparse.Namespace) -> int:
 
 def _replay(options: argparse.Namespace) -> int:
     problems, remarks = 0, list[str]()
-    for session in _read(options.bag, remarks):
+    for session in read_sessions(options.bag, remarks):
         found = replayed(session)
         for problem in found.problems:
             print(f"PROBLEM {problem}")
@@ -76,12 +76,9 @@ def _report(options: argparse.Namespace) -> int:
 
     with _of_bags(options) as record:
         places = [(record.path(row), row["number"]) for row in record.sessions(options.patient)]
-    sessions = [_read(bag, None)[number] for bag, number in places]
+    sessions = [read_sessions(bag)[number] for bag, number in places]
+    patient = patient_of(sessions)
     replays = [replayed(session) for session in sessions]
-    try:
-        patient = patient_of(sessions)
-    except ValueError as error:
-        raise BagError(str(error)) from None
     with _writing(options.out):
         folder = patient_folder(options.out, patient)
         print(write_report(folder / "report.html", sessions, replays))
@@ -132,10 +129,7 @@ def _access(options: argparse.Namespace) -> int:
 
 def _progress(options: argparse.Namespace) -> int:
     with _of_folder(options) as record:
-        try:
-            print(as_text(progress_of(record, options.patient)))
-        except ValueError as error:
-            raise BagError(str(error)) from None
+        print(as_text(progress_of(record, options.patient)))
     return 0
 
 
@@ -159,7 +153,7 @@ def _listed(
     found = [
         (row["pseudonym"], str(local(row) or ""), round(minute, 2) + 0.0, *each, row["source"])
         for row in record.sessions(options.patient)
-        for minute, *each in of(_read(record.path(row), None)[row["number"]])
+        for minute, *each in of(read_sessions(record.path(row))[row["number"]])
     ]
     print(csv_text(columns, [dict(zip(columns, each, strict=True)) for each in found]), end="")
     return 0
@@ -167,11 +161,8 @@ def _listed(
 
 def _score(options: argparse.Namespace) -> int:
     with opened(options.folder) as record, alone(options.folder):
-        try:
-            score = Score(options.at or time_now(), options.scale, options.value)
-            keep_scores(options.folder, options.patient, [score])
-        except SettingError as error:
-            raise BagError(str(error)) from None
+        score = Score(options.at or time_now(), options.scale, options.value)
+        keep_scores(options.folder, options.patient, [score])
         record.note("score", options.patient)
     return 0
 
@@ -241,13 +232,6 @@ def _of_bags(options: argparse.Namespace) -> Iterator[Record]:
         yield record
 
 
-def _read(bag: Path, remarks: list[str] | None) -> list[Recorded]:
-    try:
-        return read_sessions(bag, remarks)
-    except ValueError as error:  # of the protocol in it
-        raise BagError(str(error)) from None
-
-
 def _tell(notes: list[str]) -> None:
     for note in notes:
         print(f"NOTE {note}", file=sys.stderr)
@@ -260,10 +244,6 @@ def _writing(root: Path) -> Iterator[None]:
         yield
     except (OSError, ValueError) as error:
         raise BagError(f"--out {root}: {error}") from None
-
-
-def _folder(text: str) -> Path:
-    return Path(text).expanduser()
 
 
 _COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
@@ -291,7 +271,7 @@ _COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int], str, str]] = {
     "restore": (_restore, "put a backup into the record, beside what is there", "file --folder"),
 }  # fmt: skip
 """By name: what runs, what it does, and its arguments."""
-_PLACE = {"type": _folder, "default": _FOLDER, "metavar": "FOLDER",
+_PLACE = {"type": lambda text: Path(text).expanduser(), "default": _FOLDER, "metavar": "FOLDER",
           "help": "that holds the bags, by default ~/sessions"}  # fmt: skip
 _FLAG = {"action": "store_true"}
 _ARGUMENTS: dict[str, dict[str, Any]] = {

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from ..files import PRIVATE_FOLDER, owner_only, state_folder
+from ..files import PRIVATE_FOLDER, owner_only
 from ..recording.bag import BagError
 from . import arm_weights
 from .record import ACCESS, Record, alone, digest, sources
@@ -25,11 +25,6 @@ BEYOND_REACH = (
     "blocks of the disk that were freed and not yet written again",
 )
 """What `forget` cannot delete."""
-
-
-def weights_file() -> Path:
-    """Return the file of the weights of arms, as `therapy_session` has it."""
-    return state_folder() / "therapy_session" / "arm_weights.json"
 
 
 def logs_with(text: str) -> list[Path]:
@@ -63,7 +58,7 @@ def forget(record: Record, folder: Path, pseudonym: str) -> None:
     """
     own, _ = of_patient(record, folder, pseudonym)
     with alone(folder):
-        arm_weights.forget(weights_file(), pseudonym)
+        arm_weights.forget(arm_weights.weights_file(), pseudonym)
         for path in own:
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)

@@ -10,8 +10,7 @@ from datetime import datetime
 from typing import Any
 
 from ..settings import plain
-from .arm_weights import Arms, weights_in
-from .keeping import weights_file
+from .arm_weights import Arms, weights_file, weights_in
 from .progress import progress_of
 from .record import Record, local
 from .scores import SCALES

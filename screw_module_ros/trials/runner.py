@@ -23,7 +23,6 @@ import socket
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +33,7 @@ from screw_module_ros import terminal
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.recording.bag import BagError
+from screw_module_ros.recording.pseudonym import date_in_name
 
 from ..files import STATE_VARIABLE
 from ..locks import AlreadyRunning, Lock
@@ -78,7 +78,7 @@ def command(name: str) -> Callable[[Callable[..., bool | None]], click.Command]:
 
 def new_folder(parent: Path, console: Console) -> Path:
     """Make this run's folder, also for its logs, and return it."""
-    folder = parent / datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
+    folder = parent / date_in_name()
     folder.mkdir(parents=True)
     console.folder = folder
     os.environ["ROS_LOG_DIR"] = str((folder / "log").resolve())

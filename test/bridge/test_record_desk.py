@@ -24,8 +24,7 @@ from small_bag import MARCH, small_bag
 from screw_module_ros.bridge import listener, record_desk, server
 from screw_module_ros.bridge.record_desk import ACTS
 from screw_module_ros.therapy import report
-from screw_module_ros.therapy.arm_weights import ArmWeight, keep
-from screw_module_ros.therapy.keeping import weights_file
+from screw_module_ros.therapy.arm_weights import ArmWeight, keep, weights_file
 from screw_module_ros.therapy.record import Record, alone
 from screw_module_ros.therapy.scores import Score, keep_scores
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import shutil
-from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -62,8 +61,7 @@ def give(node: SessionRecorder, **parameters: object) -> None:
 
 
 def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
-    same_second = datetime(2001, 1, 31, 12, 0, 0)
-    monkeypatch.setattr(session_recorder, "datetime", Mock(now=Mock(return_value=same_second)))
+    monkeypatch.setattr(session_recorder, "date_in_name", lambda: "2001_01_31-12_00_00Z")
     folders = []
     for _ in range(3):
         folders.append(Path(called(recorder, "start")))

@@ -14,8 +14,7 @@ import pytest
 from small_bag import MARCH, small_bag
 
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.arm_weights import ArmWeight, arms_of, keep
-from screw_module_ros.therapy.keeping import weights_file
+from screw_module_ros.therapy.arm_weights import ArmWeight, arms_of, keep, weights_file
 from screw_module_ros.therapy.record import Record
 from screw_module_ros.therapy.scores import Score, keep_scores
 

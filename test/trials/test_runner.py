@@ -3,6 +3,8 @@
 
 import os
 import socket
+import time
+from datetime import datetime, timezone
 from pathlib import Path
 
 import click
@@ -13,6 +15,8 @@ from bench import FiniteRange, bench
 from screw_module_ros.locks import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
 from screw_module_ros.recording.bag import BagError
+from screw_module_ros.recording.pseudonym import NAMED_DATE
+from screw_module_ros.terminal import Console
 from screw_module_ros.trials import runner
 from screw_module_ros.trials.runner import Interrupted, command, new_folder
 from soak import soak
@@ -148,6 +152,18 @@ def test_a_failure_names_the_folder_of_its_output(tmp_path, monkeypatch):
     (folder,) = tmp_path.iterdir()
     assert str(folder) in result.output.replace("\n", "")
     assert os.environ["ROS_LOG_DIR"] == str(folder / "log")
+
+
+def test_the_folder_of_a_run_is_named_by_utc_as_a_bag_is(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_LOG_DIR", "")
+    before = datetime.now(timezone.utc).replace(microsecond=0)
+    monkeypatch.setenv("TZ", "Asia/Kolkata")
+    time.tzset()
+    folder = new_folder(tmp_path, Console(quiet=True))
+    monkeypatch.undo()
+    time.tzset()
+    named = datetime.strptime(folder.name, f"{NAMED_DATE}%z")
+    assert before <= named <= datetime.now(timezone.utc) and folder.name.endswith("Z")
 
 
 @pytest.mark.parametrize(
