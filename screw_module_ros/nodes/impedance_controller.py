@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import (
@@ -52,7 +51,7 @@ from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Roles, VerticalLoop, Wires
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
-from screw_module_ros.settings import Setting, SettingError
+from screw_module_ros.settings import Setting
 
 from .support.answering import Done
 from .support.driver import RateSettings
@@ -76,7 +75,6 @@ from .support.wire import pack_command
 _MODES = ", ".join(f"{mode} {name}" for mode, name in all_names().items())
 _SAFETY_AGE_NS = 200_000_000
 _LOOK_NS = 10_000_000  # time between looks at the supervisor's resets, which come at 50 Hz
-_NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 _WITHOUT_LIMITS = (
     "this mode feeds the handle's force back, and the module has no gain limits of its own: "
     "set beyond_gain_limits on your own word, as it must be for the trials that write them too"
@@ -152,7 +150,8 @@ class ImpedanceControllerNode(Node):
         self._apart = [law for law in self._laws if law.settings is not VerticalSettings]
         self._names = all_names(self._laws)
         self._versions = {law.name: f"{law.name} {law_version(law)}" for law in self._laws}
-        self._declare_laws()
+        for law in self._apart:
+            self.parameters.declare_law(law.name, law.settings)
         self.state = at_base(ImpedanceState)
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._limits: GainLimits | None = None
@@ -163,15 +162,6 @@ class ImpedanceControllerNode(Node):
         impedance = partial(set_impedance, self.parameters, VerticalSettings)
         self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
-
-    def _declare_laws(self) -> None:
-        """Make parameters of settings that are a law's own, below the law's name."""
-        for law in self._apart:
-            if self.parameters.knows(law.name):
-                raise SettingError(
-                    f"law {law.name}: this node has parameters of that name: rename it"
-                )
-            self.parameters.declare(**{law.name: law.settings})
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -335,7 +325,7 @@ class ImpedanceControllerNode(Node):
             return _NOT_NOW
         return self._problem(law, mode, changes)
 
-    def _settings_of(self, law: Law, changes: Mapping[str, Any] = _NO_CHANGES) -> Any:
+    def _settings_of(self, law: Law, changes: Mapping[str, Any] = {}) -> Any:
         """Return the settings of a law that has its own."""
         return self.parameters.read(law.settings, law.name, changes)
 
@@ -349,7 +339,7 @@ class ImpedanceControllerNode(Node):
         return refusal(law, self._own(law, settings, changes), mode)
 
     def _own(
-        self, law: Law, settings: VerticalSettings, changes: Mapping[str, Any] = _NO_CHANGES
+        self, law: Law, settings: VerticalSettings, changes: Mapping[str, Any] = {}
     ) -> Any:
         """Return a law's settings; settings: of the envelope, and of laws without their own."""
         return self._settings_of(law, changes) if law in self._apart else settings
@@ -364,7 +354,7 @@ class ImpedanceControllerNode(Node):
         return super().fixed(kind) and not leased
 
     def _problem(
-        self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any] = _NO_CHANGES
+        self, settings: VerticalSettings, mode: int, changes: Mapping[str, Any] = {}
     ) -> str:
         if mode == EXCITATION and not self._before_trial:
             return _NO_LEASE

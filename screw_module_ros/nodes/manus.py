@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import PlanarState
@@ -47,9 +46,6 @@ from .support.states import OK, WARN, Health, at_base, fill_counts, fill_permit
 from .support.topics import offered, requested
 
 _UNKNOWN = [math.nan, math.nan]
-
-
-_NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 
 
 class SharedSettings(NamedTuple):
@@ -98,7 +94,8 @@ class ManusNode(DriveNode):
         self.parameters.declare(arm=self._arm.settings)
         for joint, own in JOINTS.items():
             self.parameters.declare_with(DriveSettings, joint, ("rate", *SHARED), **own._asdict())
-        self._declare_law()
+        if self._law not in plane_laws.PLANE_LAWS:
+            self.parameters.declare_law(self._law.name, self._law.settings)
         self.state = at_base(PlanarState)
         self.state.law = f"{self._law.name} {plane_law_version(self._law)}"
         self.state.arm = f"{self._arm.name} {arm_version(self._arm)}"
@@ -108,16 +105,6 @@ class ManusNode(DriveNode):
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         impedance = partial(set_impedance, self.parameters, PlanarSettings)
         self.serve(SetImpedance, "~/set_impedance", impedance, always=True)
-
-    def _declare_law(self) -> None:
-        """Make parameters of the settings of a law of others, below its name."""
-        if self._law in plane_laws.PLANE_LAWS:
-            return
-        if self.parameters.knows(self._law.name):
-            raise SettingError(
-                f"law {self._law.name}: this node has parameters of that name: rename it"
-            )
-        self.parameters.declare(**{self._law.name: self._law.settings})
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -190,7 +177,7 @@ class ManusNode(DriveNode):
         arm = self.parameters.read(self._arm.settings, "arm")
         return self.parameters.read(PlanarSettings)._replace(arm=arm)
 
-    def _own(self, changes: Mapping[str, Any] = _NO_CHANGES) -> Any:
+    def _own(self, changes: Mapping[str, Any] = {}) -> Any:
         """Return the settings of a law of others, None of this package's."""
         if self._law in plane_laws.PLANE_LAWS:
             return None
@@ -206,7 +193,7 @@ class ManusNode(DriveNode):
             return refusal(self._law, own)
         return self._beyond_limits(changes) if self.configured else ""
 
-    def _beyond_limits(self, changes: Mapping[str, Any] = _NO_CHANGES) -> str:
+    def _beyond_limits(self, changes: Mapping[str, Any] = {}) -> str:
         law, limits = self.parameters.read(PlanarSettings, changes=changes), self._limits
         asked = self.parameters.read(GainLimitsSettings, changes=changes)
         if asked.beyond_gain_limits or law.force_gain == 0.0:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from types import MappingProxyType
 from typing import Any, get_args
 
 from rcl_interfaces.msg import (
@@ -23,7 +22,6 @@ _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_override
 _NAMELESS = "a parameter has an empty name: `ros2 param list` shows the names that there are"
 _CLOCK_IS_CHOSEN = "use_sim_time is fixed once a node has started: start it anew with another value"
 _INT64 = 2**63 - 1
-_NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class Parameters:
@@ -56,9 +54,14 @@ class Parameters:
         for prefix, kind in prefixed.items():
             self.declare_with(kind, prefix)
 
-    def knows(self, prefix: str) -> bool:
-        """Return whether a parameter has a name, or one below it."""
-        return any(f"{name}.".startswith(f"{prefix}.") for name in self._fields)
+    def declare_law(self, name: str, kind: type) -> None:
+        """Declare the settings of a law of another package, below the law's name.
+
+        Raises SettingError for a name that a parameter has, or with which one begins.
+        """
+        if any(f"{known}.".startswith(f"{name}.") for known in self._fields):
+            raise SettingError(f"law {name}: this node has parameters of that name: rename it")
+        self.declare_with(kind, name)
 
     def declare_with(
         self, kind: type, prefix: str = "", without: tuple[str, ...] = (), **defaults: Any
@@ -124,7 +127,7 @@ class Parameters:
             )
         return warnings
 
-    def read(self, kind: type, prefix: str = "", changes: Mapping[str, Any] = _NONE) -> Any:
+    def read(self, kind: type, prefix: str = "", changes: Mapping[str, Any] = {}) -> Any:
         """Return the NamedTuple `kind` declared under `prefix`, with the present values.
 
         changes: values, by parameter name, in place of the present ones.
