@@ -24,10 +24,10 @@ from ..control.laws.plane_impedance import PLANE_IMPEDANCE
 from ..control.planar import PlanarInput
 from ..control.planar_settings import PlanarSettings
 from ..control.plane_envelope import enveloped, initial_state
-from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
+from ..filters import lowpass_coefficients, velocity_settled
 from ..geometry import inverse
 from ..plant.planar import Planar, resting_plane
-from .linearized import STEP, Linear, floats_in, largest_stable, linear_of
+from .linearized import Linear, answers_of, filtered, floats_in, largest_stable, linear_of
 from .trials import Arm, PlaneLoop
 
 MOST = 30.0
@@ -115,56 +115,27 @@ def planar_law(law: PlanarSettings, loop: PlaneLoop, x: float, y: float) -> Line
     shoulder, elbow = inverse(x, y, law.arm)
     places = floats_in(memory.dtype)
     motions = np.array((velocity_settled(shoulder), velocity_settled(elbow)))
-    answers = compiled(planar_answers)(
-        packed(settings), x, y, period, lowpass_coefficients(loop.cutoff, period), memory,
-        memory.view(np.float64), places, motions, np.array((shoulder, elbow, 0.0, 0.0)),
-        round(_SETTLE_S / period),
+    given = packed(settings), x, y, period, lowpass_coefficients(loop.cutoff, period)
+    answers = compiled(answers_of(_tick, 2))(
+        given, memory, memory.view(np.float64), places, motions,
+        np.array((shoulder, elbow, 0.0, 0.0)), round(_SETTLE_S / period),
     )  # fmt: skip
     return linear_of(answers, len(places) + motions.size)
 
 
-def planar_answers(
-    settings: Any, x: float, y: float, period: float, smooth: Any, memory: Any, flat: np.ndarray,
-    places: np.ndarray, motions: np.ndarray, seen: np.ndarray, settle: int,
-) -> np.ndarray:  # fmt: skip
-    """Return states and both torques [Nm] a tick after the law has settled, for `linear_of`.
-
-    settings, memory: from `compiled.packed`; flat, places: the memory as floats, and where its
-    states are; motions: of both velocity filters, shape (2, 3); seen: angles [rad] and force [N];
-    settle: ticks.
-    """
-    inner, n = len(places), len(places) + motions.size
-    found = np.empty((n + len(seen) + 1, n + 2))
-    kept, moved, now = flat.copy(), motions.copy(), seen.copy()
-    for row in range(-1, len(found)):
-        if row >= 0:
-            flat[:], moved[:], now[:] = kept, motions, seen
-        if 1 <= row <= inner:
-            flat[places[row - 1]] += STEP
-        elif inner < row <= n:
-            moved[(row - 1 - inner) // 3, (row - 1 - inner) % 3] += STEP
-        elif row > n:
-            now[row - 1 - n] += STEP
-        first = second = 0.0
-        for _ in range(settle if row < 0 else 1):
-            state = VelocityState(moved[0, 0], moved[0, 1], moved[0, 2])
-            shoulder_speed, state = velocity_step(smooth, state, now[0], period)
-            moved[0, 0], moved[0, 1], moved[0, 2] = state.position, state.raw, state.smooth
-            state = VelocityState(moved[1, 0], moved[1, 1], moved[1, 2])
-            elbow_speed, state = velocity_step(smooth, state, now[1], period)
-            moved[1, 0], moved[1, 1], moved[1, 2] = state.position, state.raw, state.smooth
-            inp = PlanarInput(
-                now[0], now[1], shoulder_speed, elbow_speed, x, y, 0.0, 0.0, True, 0.0, 0.0, 0.0,
-                now[2], now[3],
-            )  # fmt: skip
-            output = planar_step(settings[0], settings[0], memory[0], inp, period)
-            first, second = output.shoulder_torque, output.elbow_torque
-        if row < 0:
-            kept, motions = flat.copy(), moved.copy()
-        else:
-            found[row, :inner], found[row, n], found[row, n + 1] = flat[places], first, second
-            found[row, inner:n] = moved.ravel()
-    return found
+def _tick(
+    given: Any, memory: Any, motions: np.ndarray, seen: np.ndarray, settles: bool, made: np.ndarray
+) -> None:
+    """Carry out a tick of the law for `answers_of`: angles and force in, both torques out."""
+    settings, x, y, period, smooth = given
+    shoulder_speed = filtered(smooth, motions[0], seen[0], period)
+    elbow_speed = filtered(smooth, motions[1], seen[1], period)
+    inp = PlanarInput(
+        seen[0], seen[1], shoulder_speed, elbow_speed, x, y, 0.0, 0.0, True, 0.0, 0.0, 0.0,
+        seen[2], seen[3],
+    )  # fmt: skip
+    output = planar_step(settings[0], settings[0], memory[0], inp, period)
+    made[0], made[1] = output.shoulder_torque, output.elbow_torque
 
 
 class Sampled(NamedTuple):

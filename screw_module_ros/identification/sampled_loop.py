@@ -30,8 +30,8 @@ from ..control.laws.thesis import THESIS
 from ..control.limits import clamp
 from ..control.vertical import VerticalInput
 from ..control.vertical_settings import VerticalSettings
-from ..filters import VelocityState, lowpass_coefficients, velocity_settled, velocity_step
-from .linearized import STEP, Linear, floats_in, largest_stable, linear_of
+from ..filters import lowpass_coefficients, velocity_settled
+from .linearized import Linear, answers_of, filtered, floats_in, largest_stable, linear_of
 from .trials import Arm
 
 MOST = 100.0
@@ -121,64 +121,37 @@ def linear_law(looped: LawInMode, period: float) -> Linear:
     target = _AT + pressed / settings.stiffness if settings.stiffness else _AT
     own = own_of(looped.law, settings, thesis_friction(), looped.own)
     memory = packed(initial_state(settings, looped.law, own))
-    motion = np.array(velocity_settled(_AT))
+    motions = np.array([velocity_settled(_AT)])
     places = floats_in(memory.dtype)
+    smooth = lowpass_coefficients(looped.velocity_cutoff, period)
+    given = packed(settings), packed(own), looped.mode, target, period, smooth
     with compiling(f"law {looped.law.name}", *looped.law.functions):
-        answers = compiled(answers_of(looped.law))(
-            packed(settings), packed(own), looped.mode, target, period,
-            lowpass_coefficients(looped.velocity_cutoff, period), memory, memory.view(np.float64),
-            places, motion, np.array((_AT, -pressed)), round(_SETTLE_S / period),
+        answers = compiled(answers_of(_tick_of(looped.law), 1))(
+            given, memory, memory.view(np.float64), places, motions, np.array((_AT, -pressed)),
+            round(_SETTLE_S / period),
         )  # fmt: skip
-    a, b, c, d = linear_of(answers, len(places) + len(motion))
+    a, b, c, d = linear_of(answers, len(places) + motions.size)
     return a, b, c[0], d[0]
 
 
 @functools.cache
-def answers_of(law: Law) -> Callable[..., np.ndarray]:
-    """Return what makes the answers of a law about a state in which it has settled."""
+def _tick_of(law: Law) -> Callable[..., None]:
+    """Return the tick of a law for `answers_of`: height of the nut and force in, command out."""
     step = enveloped(law)
 
-    def answers(
-        settings: Any, own: Any, mode: int, target: float, period: float, smooth: Any, memory: Any,
-        flat: np.ndarray, places: np.ndarray, motion: np.ndarray, y: np.ndarray, settle: int,
-    ) -> np.ndarray:  # fmt: skip
-        """Return states and command [N] a tick after the law has settled, a row for each change.
+    def tick(
+        given: Any, memory: Any, motions: np.ndarray, seen: np.ndarray, settles: bool,
+        made: np.ndarray,
+    ) -> None:  # fmt: skip
+        settings, own, mode, target, period, smooth = given
+        velocity = filtered(smooth, motions[0], seen[0], period)
+        inp = VerticalInput(mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0, 0.0)
+        output = step(settings[0], own[0], memory[0], inp, period)
+        made[0] = output.force
+        if settles:
+            seen[1] = clamp(-output.impedance, -_MOST_PRESSED, _MOST_PRESSED)
 
-        The first row is without one; then each state and each input is a step larger. settings,
-        own, memory: from `compiled.packed`; flat, places: the memory as floats, and where its
-        states are; motion: of the velocity filter; y: height [m] and force [N]; settle: ticks.
-        """
-        inner, n = len(places), len(places) + len(motion)
-        found = np.empty((n + len(y) + 1, n + 1))
-        kept, moved, seen = flat.copy(), motion.copy(), y.copy()
-        for row in range(-1, len(found)):
-            if row >= 0:
-                flat[:], moved[:], seen[:] = kept, motion, y
-            if 1 <= row <= inner:
-                flat[places[row - 1]] += STEP
-            elif inner < row <= n:
-                moved[row - 1 - inner] += STEP
-            elif row > n:
-                seen[row - 1 - n] += STEP
-            force = 0.0
-            for _ in range(settle if row < 0 else 1):
-                state = VelocityState(moved[0], moved[1], moved[2])
-                velocity, state = velocity_step(smooth, state, seen[0], period)
-                moved[0], moved[1], moved[2] = state.position, state.raw, state.smooth
-                inp = VerticalInput(
-                    mode, seen[0], velocity, seen[1], target, 0.0, True, 0.0, 0.0, 0.0
-                )
-                output = step(settings[0], own[0], memory[0], inp, period)
-                force = output.force
-                if row < 0:
-                    seen[1] = clamp(-output.impedance, -_MOST_PRESSED, _MOST_PRESSED)
-            if row < 0:
-                kept, motion, y = flat.copy(), moved.copy(), seen.copy()
-            else:
-                found[row, :inner], found[row, inner:n], found[row, n] = flat[places], moved, force
-        return found
-
-    return answers
+    return tick
 
 
 def radius(plant: Linear, sampling: Sampling, law: LawInMode) -> float:

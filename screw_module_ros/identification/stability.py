@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -149,7 +148,7 @@ def judged(
     usual: VerticalSettings,
     velocity_cutoff: float,
     laws: Iterable[Law] = LAWS,
-    own: Mapping[str, Any] = MappingProxyType({}),
+    own: Mapping[str, Any] = {},
 ) -> dict[str, LawInMode]:
     """Return the gains that the linear model judges: each law in the first mode with the gain.
 
