@@ -22,18 +22,16 @@ from ..settings import Setting
 from . import calibration, force_error
 from .figures import COLOURS, DESIRED, error_map, panels
 from .force_error import with_damping
-from .force_metric import apparent_mass, first_harmonic, friction_felt
+from .force_metric import apparent_mass, first_harmonic, friction_felt, sine
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .stability import law_of
-from .trials import TRUTH, Arm, MotionTrial, Samples
+from .trials import FIRM, TRUTH, MotionTrial, Samples
 
 NAME = "delivered_impedance"
 RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
 """Trials of `force_error` at rest, by their names in the file."""
-_FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
-_CYCLES = 6
 _FAST = 4.0  # [Hz] from here on the mass is found, below it the damping
 
 
@@ -124,11 +122,10 @@ def _followed(
 def _trial(
     settings: Settings, usual: VerticalSettings, mode: int, frequency: float
 ) -> MotionTrial:
-    omega = 2.0 * math.pi * frequency
+    amplitude, omega, seconds = sine(frequency, settings.speed, settings.acceleration)
     return MotionTrial(
-        mode, with_damping(usual, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
-        amplitude=min(0.04, settings.speed / omega, settings.acceleration / omega**2), omega=omega,
-        duration=(2 + _CYCLES) / frequency + 0.5,
+        mode, with_damping(usual, mode)._replace(chatter_limit=_NO_GUARD), arm=FIRM,
+        amplitude=amplitude, omega=omega, duration=seconds,
     )  # fmt: skip
 
 
@@ -162,7 +159,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     follow the sine: force over a motion of other frequencies is no impedance.
     """
     position, _, force = samples.felt
-    found = first_harmonic(samples.time, position, force, trial.omega, _CYCLES)
+    found = first_harmonic(samples.time, position, force, trial.omega)
     return {"impedance": np.array(found)}
 
 

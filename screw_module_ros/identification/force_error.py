@@ -23,6 +23,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.laws import names, variants
@@ -33,12 +34,11 @@ from .figures import error_map
 from .force_metric import ErrorOf, judged
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
-from .trials import Arm, MotionTrial, Samples
+from .trials import HEAVY, Arm, MotionTrial, Samples
 
 NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
-_HEAVY = Arm(30.0, 300.0, 30.0)
 _NAMES = names()
 _CALIBRATED = tuple(mode for mode, variant in variants().items() if variant.uses)
 
@@ -80,10 +80,10 @@ CASES = {
     "fast": _moving("0.10 m at 3 rad/s", 0.10, 3.0, 8.4),
     "small": _moving("0.03 m at 1.5 rad/s", 0.03, 1.5, 12.6),
     "tremor": _moving("0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
-    "heavy": _moving("an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
+    "heavy": _moving("an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=HEAVY),
     "holding": _resting("a hand that holds still 0.05 m off", _HAND),
     "released": _resting("a hand that holds, and lets go", _HAND, released_after=3.0),
-    "heavy_holding": _resting("an arm of 30 kg that holds still", _HEAVY),
+    "heavy_holding": _resting("an arm of 30 kg that holds still", HEAVY),
     **{name: _resting(text, wall(*how)) for name, (text, *how) in WALLS.items()},
 }  # fmt: skip
 
@@ -206,15 +206,21 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
 
 def draw(result: Result) -> Drawn:
     """Draw the rms error of every mode in every trial as a map."""
+    title = "Force beyond the impedance asked for, all samples"
+    return {"force error": _map(result, {"": ""}, title)}
+
+
+def _map(result: Result, states: Mapping[str, str], title: str) -> Figure:
+    """Return the map of rms errors; states: end of a trial's name -> end of the name of a row."""
     cases, named = list(result.settings["cases"]), names_in(result)
     rows = {
-        named[mode].lower().replace("_", " "): [
-            result.value(f"rms_{name_of(mode, case, named)}") for case in cases
+        f"{named[mode].lower().replace('_', ' ')}{said}": [
+            result.value(f"rms_{name_of(mode, case, named)}{end}") for case in cases
         ]
         for mode in result.settings["modes"]
+        for end, said in states.items()
     }
-    title = "Force beyond the impedance asked for, all samples"
-    return {"force error": error_map(rows, cases, title)}
+    return error_map(rows, cases, title)
 
 
 EXPERIMENT = Experiment(
@@ -294,16 +300,9 @@ def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
 
 def draw_changed(result: Result) -> Drawn:
     """Draw the rms error of every mode and state in every trial as a map."""
-    cases, named = list(result.settings["cases"]), names_in(result)
-    rows = {
-        f"{named[mode].lower().replace('_', ' ')}, {state}": [
-            result.value(f"rms_{name_of(mode, case, named)}_{state}") for case in cases
-        ]
-        for mode in result.settings["modes"]
-        for state in result.settings["states"]
-    }
+    states = {f"_{state}": f", {state}" for state in result.settings["states"]}
     title = "Force error without a calibration, with it, after a change"
-    return {"robustness": error_map(rows, cases, title)}
+    return {"robustness": _map(result, states, title)}
 
 
 ROBUSTNESS = Experiment(

@@ -17,6 +17,9 @@ RAPID = 30.0  # [Hz] above it: chatter
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
 SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation
 WINDOW = 0.1  # [s]
+CYCLES = 6
+"""Last periods of a sine, over which its first harmonic is taken; two before them settle."""
+_LARGEST = 0.04  # amplitude of a sine [m]
 _LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 LASTING = 0.5  # [s] window in which an oscillation that does not end is judged
 LAST = 1.0  # [s] at the end of a trial, when the handle should be at rest
@@ -40,15 +43,25 @@ def friction_felt(resistance: float, damping: float, speed: float) -> float:
     return math.pi / 4.0 * (resistance - damping) * speed
 
 
+def sine(hertz: float, speed: float, acceleration: float) -> tuple[float, float, float]:
+    """Return amplitude [m], angular frequency [rad/s] and duration [s] of a hand's sine.
+
+    speed [m/s], acceleration [m/s^2]: most of it.
+    """
+    omega = 2.0 * math.pi * hertz
+    amplitude = min(_LARGEST, speed / omega, acceleration / omega**2)
+    return amplitude, omega, (2 + CYCLES) / hertz + 0.5
+
+
 def first_harmonic(
-    time: np.ndarray, position: np.ndarray, force: np.ndarray, omega: float, cycles: int
+    time: np.ndarray, position: np.ndarray, force: np.ndarray, omega: float
 ) -> complex:
-    """Return force over velocity of the handle [Ns/m] at `omega` [rad/s], over the last cycles.
+    """Return force over velocity of the handle [Ns/m] at `omega` [rad/s], over the last `CYCLES`.
 
     time [s], position [m] and force [N] are samples of the same instants. NaN if the handle did not
     follow the sine: force over a motion of other frequencies is no impedance.
     """
-    count = round(2.0 * np.pi * cycles / omega / (time[1] - time[0]))
+    count = round(2.0 * np.pi * CYCLES / omega / (time[1] - time[0]))
     turning = np.exp(-1j * omega * time[-count:])
     swing = position[-count:] - position[-count:].mean()
     moved = (turning * swing).sum()

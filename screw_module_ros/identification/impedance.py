@@ -23,12 +23,13 @@ from matplotlib.figure import Figure
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
 from ..plant.patient import RIGID, HandPath, resting
+from .carrying import CENTRE
 from .figures import COLOURS, DESIRED, panels
 from .force_error import wall
-from .force_metric import apparent_mass, first_harmonic, lasting
+from .force_metric import apparent_mass, first_harmonic, lasting, sine
 from .rigs import Kind, Rig, drawn, drawn_plane
 from .stand import SimulatedStand
-from .trials import Arm, HandTrial, MotionTrial, PlanarTrial, Samples
+from .trials import FIRM, Arm, HandTrial, MotionTrial, PlanarTrial, Samples
 
 FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # [Hz]
 DAMPERS = (0.0, 100.0)  # [Ns/m]; a law has at least what it needs
@@ -41,10 +42,8 @@ SPRING = 100.0  # [N/m] of the sines
 CALM, STILL, KEPT = 0.5, 1e-3, 0.5
 """Most of an oscillation [N rms], of a released handle's way in a second that does not become less
 [m], least share."""
-_FIRM = Arm(0.5, 4000.0, 150.0)
-_CYCLES = 6
-_LARGEST, _SPEED, _ACCELERATION = 0.04, 0.3, 10.0  # of a sine [m], [m/s], [m/s^2]
-_CENTRE, _PUSH, _FAR = 0.18, 15.0, 0.02  # where [m]; how hard [N] and far [m] a spring is pressed
+_SPEED, _ACCELERATION = 0.3, 10.0  # of a sine [m/s], [m/s^2]
+_PUSH, _FAR = 15.0, 0.02  # how hard [N] and far [m] a spring is pressed
 _LESS = 0.9
 _LET_GO, _END, _SECOND = 2.5, 5.0, 1.0  # [s] of a trial of a spring
 _SINES = {f"{hertz:g} Hz": hertz for hertz in FREQUENCIES}
@@ -72,15 +71,15 @@ def measured(
     ) -> Did:
         asked = VerticalSettings(stiffness=spring, damping=damper)
         law = rig.law(kind, asked)
-        at = path._replace(start=_CENTRE + path.start, target=_CENTRE + path.target)
+        at = path._replace(start=CENTRE + path.start, target=CENTRE + path.target)
         motion = MotionTrial(
-            kind.mode, law, arm=arm, centre=_CENTRE, duration=seconds, released_after=released
+            kind.mode, law, arm=arm, centre=CENTRE, duration=seconds, released_after=released
         )
         grip = rig.grip if arm.mass else RIGID
-        found = stand.record(HandTrial(motion, resting(_CENTRE), at, grip), lambda share: None)
+        found = stand.record(HandTrial(motion, resting(CENTRE), at, grip), lambda share: None)
         return found, law.stiffness, law.damping
 
-    return _found(rig, name, does, _CENTRE)
+    return _found(rig, name, does, CENTRE)
 
 
 def measured_plane(family: str, seed: int, kind: Kind, name: str) -> dict[str, float]:
@@ -118,14 +117,11 @@ def _found(rig: Rig, name: str, does: Callable[..., Did], centre: float) -> dict
 
 def _delivered(hertz: float, does: Callable[..., Did]) -> dict[str, float]:
     """Return how far the impedance at a frequency is from what was asked for, and its parts."""
-    omega = 2.0 * math.pi * hertz
-    amplitude = min(_LARGEST, _SPEED / omega, _ACCELERATION / omega**2)
+    amplitude, omega, seconds = sine(hertz, _SPEED, _ACCELERATION)
     path = HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, 0.0)
-    samples, spring, damper = does(
-        SPRING, 0.0, _FIRM, path, (2 + _CYCLES) / hertz + 0.5, math.inf
-    )
+    samples, spring, damper = does(SPRING, 0.0, FIRM, path, seconds, math.inf)
     position, _, force = samples.felt
-    z = first_harmonic(samples.time, position, force, omega, _CYCLES)
+    z = first_harmonic(samples.time, position, force, omega)
     mass = float(apparent_mass(np.array(z.imag), np.array(hertz), spring))
     return {
         "apart": abs(z - complex(damper, -spring / omega)), "resistance": z.real, "mass": mass,

@@ -12,16 +12,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..control.planar_settings import PlanarSettings
 from ..plant.patient import HandPath
 from .force_error import WALLS, wall
-from .force_metric import ErrorOf, judged
-from .lab import Part
-from .trials import Arm, PlanarTrial, Samples
+from .trials import HEAVY, PlanarTrial
 
-_HEAVY = Arm(30.0, 300.0, 30.0)
 _WALL_MASS = 6.5  # module and arm, for the damping ratio of a wall [kg]
 _ALONG_Y = 0.5 * math.pi
 _BETWEEN = 0.25 * math.pi
@@ -66,9 +61,9 @@ CASES = {
     "reach": _case("0.25 m in 0.6 s", hand_to(0.25, 0.6, -0.125, 0.2), 1.8),
     "quick_reach": _case("1 m/s, 10 m/s^2", hand_to(0.164, 0.308, -0.082, 0.2), 1.5),
     "tremor": _case("0.05 m at 0.8 rad/s with 8 mm of tremor", _sine(0.05, 0.8, 0.008), 7.9),
-    "heavy": _case("an arm of 30 kg, 0.05 m at 0.8 rad/s", _sine(0.05, 0.8), 7.9, arm=_HEAVY),
+    "heavy": _case("an arm of 30 kg, 0.05 m at 0.8 rad/s", _sine(0.05, 0.8), 7.9, arm=HEAVY),
     "heavy_holding": _case("an arm of 30 kg that holds still", hand_to(0.05), 6.0, 1.0,
-                           "chatter shaking", arm=_HEAVY, ended=1.0),
+                           "chatter shaking", arm=HEAVY, ended=1.0),
     "holding": _case("a hand that holds still 0.05 m off", hand_to(0.05), 6.0, 3.0,
                      "rms chatter travel shaking", ended=1.0),
     "holding_stiff": _case("a hand on a spring of 2000 N/m", hand_to(0.01), 6.0, 2.0,
@@ -87,34 +82,3 @@ CASES = {
         )
     },
 }  # fmt: skip
-
-
-def trial_of(case: str, gain: float) -> PlanarTrial:
-    """Return one of `CASES` with a force gain, and with the spring of the case."""
-    trial = CASES[case].trial
-    return trial._replace(settings=trial.settings._replace(force_gain=gain))
-
-
-def error_of(part: Part) -> ErrorOf:
-    """Return the error of both axes together."""
-    x, y = (ErrorOf(*map(float, part[axis])) for axis in ("x", "y"))
-    together = {name: math.hypot(getattr(x, name), getattr(y, name)) for name in _ADDED}
-    worse = {name: max(getattr(x, name), getattr(y, name)) for name in _WORSE}
-    return ErrorOf(**together, **worse, share=x.share)
-
-
-_ADDED = ("mean", "rms", "p99", "rapid")
-_WORSE = ("swing", "travel", "shaking")
-
-
-def reduced(trial: PlanarTrial, samples: Samples) -> Part:
-    """Return `ErrorOf` of each axis as an array."""
-    period = float(samples.time[1] - samples.time[0])
-    law, (position, velocity, force) = trial.settings, samples.felt
-    return {
-        axis: np.array([*judged(
-            period, position[:, column], velocity[:, column], force[:, column], samples.share,
-            law.stiffness, law.damping, round(trial.first / period),
-        )])
-        for column, axis in enumerate(("x", "y"))
-    }  # fmt: skip

@@ -21,19 +21,16 @@ from ..control.planar_settings import STUDIED_GAIN, PlanarSettings
 from ..plant.patient import HandPath
 from ..settings import Setting
 from .figures import COLOURS, DESIRED, panels
-from .force_metric import apparent_mass, first_harmonic, friction_felt
+from .force_metric import CYCLES, apparent_mass, first_harmonic, friction_felt, sine
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Quantity, Result
-from .trials import Arm, PlanarTrial, Samples
+from .trials import FIRM, Arm, PlanarTrial, Samples
 
 NAME = "planar_impedance"
 DIRECTIONS = {f"{angle} degrees": math.radians(angle) for angle in (0, 45, 90, 135)}
 """From +x counter-clockwise [rad]."""
-_FIRM = Arm(0.5, 4000.0, 150.0)
-_CYCLES = 6
 HAND_HZ = 2.0
 """Up to here a hand moves in therapy, and the inertia counts [Hz]."""
-_LARGEST = 0.04  # amplitude of a sine [m]
 STIFF = 1e6
 """The stiffest structure that a rig is drawn with [N/m]."""
 
@@ -48,9 +45,9 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "none": Case("without force feedback", "none", _FIRM),
+    "none": Case("without force feedback", "none", FIRM),
     "feedback": Case("with force feedback, an arm of 3 kg", "feedback", Arm()),
-    "firm": Case("with force feedback, a firm hand", "feedback", _FIRM),
+    "firm": Case("with force feedback, a firm hand", "feedback", FIRM),
     "stiff": Case(f"with force feedback, an arm of 3 kg, a structure of {STIFF:g} N/m", "feedback",
                   Arm(), STIFF),
 }  # fmt: skip
@@ -85,7 +82,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         for case in CASES
         for name, direction in DIRECTIONS.items()
         for frequency in settings.frequencies
-        if CASES[case].arm == _FIRM or frequency <= HAND_HZ
+        if CASES[case].arm == FIRM or frequency <= HAND_HZ
     }
     parts = lab.record(NAME, trials, reduced)
     data = {"frequencies": np.array(settings.frequencies)}
@@ -123,14 +120,8 @@ _NOTES = (
 )
 
 
-def _sine(settings: Settings, frequency: float) -> tuple[float, float]:
-    """Return amplitude [m] and angular frequency [rad/s] of the hand's sine."""
-    omega = 2.0 * math.pi * frequency
-    return min(_LARGEST, settings.speed / omega, settings.acceleration / omega**2), omega
-
-
 def _trial(settings: Settings, case: str, direction: float, frequency: float) -> PlanarTrial:
-    amplitude, omega = _sine(settings, frequency)
+    amplitude, omega, seconds = sine(frequency, settings.speed, settings.acceleration)
     _, kind, arm, structure = CASES[case]
     law = PlanarSettings(
         damping=settings.damping, force_gain=STUDIED_GAIN if kind == "feedback" else 0.0
@@ -139,7 +130,7 @@ def _trial(settings: Settings, case: str, direction: float, frequency: float) ->
         law._replace(stiffness=settings.stiffness), arm=arm, direction=direction,
         structure_stiffness=structure,
         path=HandPath(0.0, 0.0, 0.0, 0.0, amplitude, omega, 0.0),
-        duration=(2 + _CYCLES) / frequency + 0.5,
+        duration=seconds,
     )  # fmt: skip
 
 
@@ -150,10 +141,8 @@ def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     """
     along = np.array([math.cos(trial.direction), math.sin(trial.direction)])
     position, velocity, force = samples.felt
-    found = first_harmonic(
-        samples.time, position @ along, force @ along, trial.path.omega, _CYCLES
-    )
-    last = samples.time >= samples.time[-1] - 2.0 * math.pi * _CYCLES / trial.path.omega
+    found = first_harmonic(samples.time, position @ along, force @ along, trial.path.omega)
+    last = samples.time >= samples.time[-1] - 2.0 * math.pi * CYCLES / trial.path.omega
     return {
         "impedance": np.array(found),
         "speed": np.sqrt(2.0 * np.mean((velocity[last] @ along) ** 2)),
@@ -198,7 +187,7 @@ def _fitted(
         of("share", np.nanmin(shares[:, handled]), "",
            f"least share of the force gain that the guard left at {HAND_HZ:g} Hz and below"),
     ]  # fmt: skip
-    if CASES[case].arm == _FIRM:
+    if CASES[case].arm == FIRM:
         what = "largest frequency of the sines up to which it is viscous"
         found.append(of("viscous_to", upto, "Hz", what))
     return found

@@ -48,6 +48,7 @@ from ..settings import SettingError
 from ..terminal import Console, command
 from . import impedance
 from .carrying import CASES as CARRYING
+from .carrying import CENTRE
 from .figures import save
 from .force_error import WALLS, wall
 from .force_metric import LAST, lasting, shaking
@@ -67,11 +68,9 @@ from .rigs import (
     drawn_plane,
 )
 from .stand import SimulatedStand
-from .trials import Arm, HandTrial, MotionTrial, PlanarTrial
+from .trials import HEAVY, Arm, HandTrial, MotionTrial, PlanarTrial
 
 MODES = tuple(variants())
-CENTRE = 0.18  # centre of the spring [m]
-_HEAVY = Arm(30.0, 300.0, 30.0)
 _REACHES = {  # way [m] and time [s] of a minimum-jerk reach
     "reach 0.25 m in 0.6 s": (0.25, 0.6),
     "reach 1 m/s, 10 m/s2": (0.164, 0.308),  # peaks 1.875 d / t, 5.77 d / t^2
@@ -153,8 +152,8 @@ CASES = {
     },
     "held": _case("rms chatter travel share", _to(0.05), 6.0, first=3.0, ended=1.0),
     "released": _case("chatter travel", _to(0.05), 11.0, first=5.0, ended=3.0, released=3.0),
-    "arm of 30 kg": _case("rms share", _sine(0.05, 0.8), 7.9, arm=_HEAVY),
-    "arm of 30 kg, held": _case("chatter shaking", _to(0.05), 6.0, arm=_HEAVY, first=1.0,
+    "arm of 30 kg": _case("rms share", _sine(0.05, 0.8), 7.9, arm=HEAVY),
+    "arm of 30 kg, held": _case("chatter shaking", _to(0.05), 6.0, arm=HEAVY, first=1.0,
                                 ended=1.0),
     "carried arm, moved": _case("rms share", _sine(0.10, 0.84), 7.5, carried=True),
     "carried arm, held": _case("rms chatter", _to(0.05), 6.0, first=3.0, ended=1.0, carried=True),

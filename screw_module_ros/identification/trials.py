@@ -122,6 +122,10 @@ class Arm(NamedTuple):
     damping: float = 5.0
 
 
+HEAVY, FIRM = Arm(30.0, 300.0, 30.0), Arm(0.5, 4000.0, 150.0)
+"""An arm of 30 kg; a hand that follows every sine."""
+
+
 class MotionTrial(NamedTuple):
     """The hand moves the handle up and down while the vertical law runs (thesis 5.3, chapter 6).
 

@@ -4,11 +4,13 @@
 import math
 from statistics import median
 
+import numpy as np
 import pytest
 
 from screw_module_ros.control.planar_settings import STUDIED_GAIN
 from screw_module_ros.identification import study
-from screw_module_ros.identification.planar_error import error_of, reduced, trial_of
+from screw_module_ros.identification.force_metric import ErrorOf, judged
+from screw_module_ros.identification.planar_error import CASES
 from screw_module_ros.identification.rigs import Kind, drawn_plane
 from screw_module_ros.identification.stand import SimulatedStand
 from screw_module_ros.identification.trials import Arm
@@ -31,7 +33,28 @@ def quietly(share):
 def found(stand, kind, case, **more):
     gain = STUDIED_GAIN if kind == "feedback" else 0.0
     trial = trial_of(case, gain)._replace(**more)
-    return error_of(reduced(trial, stand.record(trial, quietly)))
+    return error_of(trial, stand.record(trial, quietly))
+
+
+def trial_of(case, gain):
+    """Return a trial of the list with a force gain, and with the spring of the case."""
+    trial = CASES[case].trial
+    return trial._replace(settings=trial.settings._replace(force_gain=gain))
+
+
+def error_of(trial, samples):
+    """Return the error of both axes together."""
+    period = float(samples.time[1] - samples.time[0])
+    law, (position, velocity, force) = trial.settings, samples.felt
+    both = np.array([
+        judged(period, position[:, axis], velocity[:, axis], force[:, axis], samples.share,
+               law.stiffness, law.damping, round(trial.first / period))
+        for axis in (0, 1)
+    ])  # fmt: skip
+    together, worse = ErrorOf(*np.hypot(*both)), ErrorOf(*both.max(axis=0))
+    return together._replace(
+        swing=worse.swing, travel=worse.travel, shaking=worse.shaking, share=worse.share
+    )
 
 
 @pytest.mark.long
