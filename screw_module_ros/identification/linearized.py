@@ -16,6 +16,7 @@ STEP = 1e-7
 """Of a difference; one-sided: a negative mean square is no state of the guard."""
 _NOTHING = 1e-9  # a smaller entry of a difference is rounding
 _LEAST = 1e-3  # a gain below it is none
+_STABLE = 1.0 + 1e-7  # spectral radius; less is stable, but for what is computed
 
 Linear = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """A, B, C, D of a sampled system."""
@@ -84,11 +85,14 @@ def linear_of(answers: np.ndarray, states: int) -> Linear:
     return a[np.ix_(used, used)], b[used], c[:, used], d
 
 
-def largest_stable(stable: Callable[[float], bool], most: float) -> float:
-    """Return the largest gain below the first unstable one, within 1 %; infinite up to `most`."""
+def largest_stable(radius: Callable[[float], float], most: float) -> float:
+    """Return the largest gain below the first unstable one, within 1 %; infinite up to `most`.
+
+    radius: returns the spectral radius of the loop with a gain.
+    """
     low = 0.0
     for gain in np.geomspace(0.05, most, 30):
-        if not stable(float(gain)):
+        if not radius(float(gain)) < _STABLE:
             high = float(gain)
             break
         low = float(gain)
@@ -98,7 +102,7 @@ def largest_stable(stable: Callable[[float], bool], most: float) -> float:
         if high < _LEAST:
             return 0.0
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
+        low, high = (middle, high) if radius(middle) < _STABLE else (low, middle)
     return low
 
 

@@ -200,8 +200,6 @@ def largest_gain(
     Its relative error is 1 %. law: its gain is varied; infinite if `most` is stable.
     """
     plant = sampled_plane(plane, loop)
-
-    def stable(gain: float) -> bool:
-        return radius(plant, plane, loop, law._replace(force_gain=gain)) < 1.0 + 1e-7
-
-    return largest_stable(stable, most)
+    return largest_stable(
+        lambda gain: radius(plant, plane, loop, law._replace(force_gain=gain)), most
+    )

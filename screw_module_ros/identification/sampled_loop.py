@@ -230,8 +230,4 @@ def largest_gain(
     law: its gain is varied; most: largest gain of the search; infinite if that is stable.
     """
     plant = sampled(mechanism, environment, sampling)
-
-    def stable(gain: float) -> bool:
-        return radius(plant, sampling, law.with_gain(gain)) < 1.0 + 1e-7
-
-    return largest_stable(stable, most)
+    return largest_stable(lambda gain: radius(plant, sampling, law.with_gain(gain)), most)
