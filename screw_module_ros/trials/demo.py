@@ -42,12 +42,11 @@ from screw_module_ros.recording.decoded import columns
 from screw_module_ros.recording.records import notes
 
 from ..nodes.bringup import shared_process
-from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
 from ..plant.patient import HandPath, hand_point
 from ..terminal import Console, output_option
 from .moving_picture import moving_picture
-from .patient import STILL, Hand, centre_out, targets
+from .patient import STILL, Hand, centre_out, ready, targets
 from .runner import GraphRun, command, new_folder, recordings_in, running
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
@@ -55,7 +54,6 @@ COMMANDED = SPRING._replace(
     damping=float(math.ceil(VerticalSettings(stiffness=SPRING.stiffness).least_damping))
 )
 """Spring and damper of all three modes. OBSERVER refuses a smaller damper; the thesis has none."""
-FORCE_GAIN = 5.0
 ARM_MASS, ARM_STIFFNESS, ARM_DAMPING = 3.0, 300.0, 5.0  # [kg], [N/m], [Ns/m]
 AMPLITUDE, OMEGA = 0.15, 0.8  # of the virtual hand [m], [rad/s]
 CYCLE_S = 2.0 * math.pi / OMEGA
@@ -239,13 +237,9 @@ def demo(
 def make_ready(robot: Robot, console: Console) -> Hand:
     """Bring the started robot to operation: homed, tared, hand on the handle, torque on."""
     takes = arm(kind="active", mass=ARM_MASS, stiffness=ARM_STIFFNESS, damping=ARM_DAMPING)
-    hand = Hand(robot, takes)
-    with console.step("homing, taring, patient takes hold, torque on"):
-        robot.set_parameter("impedance_controller", "force_gain", FORCE_GAIN)
-        robot.set_impedance(COMMANDED.stiffness, COMMANDED.damping)  # OBSERVER needs the damper
-        robot.set_impedance(PLANE_STIFFNESS, PLANE_DAMPING, node="manus")
-        bring_up(robot, ForceCommand.IMPEDANCE, hand)
-    return hand
+    vertical = COMMANDED.stiffness, COMMANDED.damping  # OBSERVER needs the damper
+    return ready(robot, console, Hand(robot, takes), ForceCommand.IMPEDANCE, vertical,
+                 (PLANE_STIFFNESS, PLANE_DAMPING))  # fmt: skip
 
 
 def work(robot: Robot, cycles: int, console: Console) -> list[Work]:

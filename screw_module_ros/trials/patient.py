@@ -7,10 +7,13 @@ import math
 
 from screw_module_msgs.srv import SetArm
 
+from ..operator.bring_up import bring_up
 from ..operator.robot import Robot
 from ..plant.patient import HandPath
+from ..terminal import Console
 
 STILL = (0.0, 0.0, 0.0)
+FORCE_GAIN = 5.0
 RADIUS = 0.10
 """Of the centre-out reach, from the workspace centre to each target [m]."""
 TARGETS = 8
@@ -50,6 +53,22 @@ class Hand:
     def change(self) -> None:
         """Let the handle go, or take hold of it again."""
         (self.let_go if self.holds else self.take_hold)()
+
+
+def ready(
+    robot: Robot, console: Console, hand: Hand, mode: int, vertical: tuple[float, float],
+    plane: tuple[float, float],
+) -> Hand:  # fmt: skip
+    """Bring the started robot to operation in a mode; return the hand on its handle.
+
+    vertical, plane: stiffness [N/m] and damping [Ns/m] of both controllers.
+    """
+    with console.step("homing, taring, patient takes hold, torque on"):
+        robot.set_parameter("impedance_controller", "force_gain", FORCE_GAIN)
+        robot.set_impedance(*vertical)
+        robot.set_impedance(*plane, node="manus")
+        bring_up(robot, mode, hand)
+    return hand
 
 
 # Centre-out reach of MANUS therapy ----------------------------------------------------------------

@@ -163,8 +163,10 @@ def recordings_in(folder: Path) -> list[str]:
 class GraphRun:
     """Runs the nodes of the graph as processes, from entering to leaving, isolated from other runs.
 
-    codes: exit codes, after the stop.
+    codes: exit codes, after the stop. place: of this run, while it runs.
     """
+
+    place: Place
 
     def __init__(self, params: str | None = None, **wishes: Any):
         """Prepare; `params` and `wishes`: as of `bringup.start`."""
@@ -172,12 +174,11 @@ class GraphRun:
         self.wall_clock = wishes.get("wall_clock", False)
         self._stopping = StopFlag()
         self._processes: list[bringup.Process] = []
-        self._place: Place
         self._may_end: set[str] = set()
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
-        self._place = own_place()
+        self.place = own_place()
         self._stopping.catch()
         try:
             self._processes = bringup.start(True, self._params, **self._wishes)
@@ -192,8 +193,8 @@ class GraphRun:
 
     def _leave(self) -> None:
         self._stopping.release()
-        sweep(str(self._place.domain))
-        self._place.release()
+        sweep(str(self.place.domain))
+        self.place.release()
 
     def add(self, name: str, *words: str) -> None:
         """Start one more executable with the same --ros-args and `words`; it may end by itself."""
@@ -224,11 +225,6 @@ class GraphRun:
             if code is not None and process.name not in self._may_end:
                 raise RobotError(f"{process.name} ended by itself with code {code}")
 
-    @property
-    def place(self) -> Place:
-        """The ROS domain of this run."""
-        return self._place
-
     def signal(self, name: str, number: signal.Signals, ends: bool = True) -> None:
         """Send a signal to one executable; `ends`: from now on `watch` accepts that it ended."""
         if ends:
@@ -238,10 +234,6 @@ class GraphRun:
     def exit_code(self, name: str) -> int | None:
         """Return the exit code of one executable, None while it runs."""
         return self._process(name).exit_code()
-
-    def pid(self, name: str) -> int:
-        """Return the process id of one executable."""
-        return self._process(name).pid
 
     def restart(self, name: str) -> None:
         """Start one executable again with the same arguments, once it has ended."""

@@ -23,12 +23,11 @@ from ..operator.bring_up import bring_up
 from ..operator.robot import Robot, arm
 from ..plant.patient import trait_flaw
 from ..terminal import Console
-from .patient import STILL, Hand
+from .patient import STILL, Hand, ready
 from .runner import GraphRun, command, recordings_in, running
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
-_FORCE_GAIN = 5.0
-_STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], [Ns/m]
+_SPRING = 100.0, 5.0  # and damper to a game's set point [N/m], [Ns/m]
 _CENTRE, _TO_CENTRE_S = (0.0, 0.0, 0.18), 0.5
 _LOOK_S = 0.05
 _BRAKES = "-p", "amplifier:stop_reaction:=brake"  # else no more than 8 N of an arm may be carried
@@ -148,12 +147,7 @@ def make_ready(robot: Robot, console: Console, takes: SetArm.Request | None = No
     """
     to_centre = arm(_CENTRE, _TO_CENTRE_S, STILL, STILL)
     hand = Hand(robot, takes or arm(patient=HEALTHY), to_centre)
-    with console.step("homing and taring, patient takes hold, torque on"):
-        robot.set_parameter("impedance_controller", "force_gain", _FORCE_GAIN)
-        robot.set_impedance(_STIFFNESS, _DAMPING)
-        robot.set_impedance(_STIFFNESS, _DAMPING, node="manus")
-        bring_up(robot, ForceCommand.FORCE_FEEDBACK, hand)
-    return hand
+    return ready(robot, console, hand, ForceCommand.FORCE_FEEDBACK, _SPRING, _SPRING)
 
 
 def _enter() -> bool:

@@ -205,7 +205,7 @@ class FaultRobot(Robot):
             return
         processes, self._restarted = self._restarted, set()
         for process in processes:
-            self._await_start(self.graph.pid(process), process)
+            self._await_start(self.graph.pids[process], process)
         nodes = {node for process in processes for node in self.graph.nodes_of(process)}
         self.wait_until_ready(nodes)
         for topic, owner in _ONE_SENDER.items():

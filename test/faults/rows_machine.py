@@ -27,7 +27,7 @@ _RECORDER = "session_recorder"
 
 def _limit_files(robot, size: int) -> None:
     limits = (size, resource.RLIM_INFINITY)
-    resource.prlimit(robot.graph.pid(_RECORDER), resource.RLIMIT_FSIZE, limits)
+    resource.prlimit(robot.graph.pids[_RECORDER], resource.RLIMIT_FSIZE, limits)
 
 
 def _disk_full(robot) -> None:

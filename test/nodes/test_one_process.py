@@ -132,7 +132,7 @@ def test_a_full_disk_ends_no_recording_and_stops_no_loop(tmp_path):
         Robot("tester", watch=graph.watch, simulated=True) as robot,
     ):
         ready(graph, robot)
-        bag, pid = robot.start_recording(), graph.pid(WHOLE.executable)
+        bag, pid = robot.start_recording(), graph.pids[WHOLE.executable]
         robot.pause(0.3)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (BAG_LIMIT, resource.RLIM_INFINITY))
         robot.wait_until(
