@@ -11,7 +11,7 @@ import os
 import queue
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import can
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -30,6 +30,7 @@ from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.rig.rig_hub import RigHub
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.hand import point_of
 
 from .simulated_patient import SimulatedPatient
 from .support.answering import Done
@@ -180,7 +181,9 @@ class SimRigNode(Node):
             self.parameters.read(RigSettings, "devices"),
         )
         self.opened.callback(self._rig.close)
-        patient = SimulatedPatient(self, lambda: self._world.arm, self._move_hand)
+        patient = SimulatedPatient(
+            self, lambda: self._world.arm, lambda to: self._call(lambda: self._world.set_arm(to))
+        )
         self.opened.callback(patient.close)
         self._publish = self.outlet(*offered(graph.TRUTH))
         self._truth_due, self._clock_due = Due(settings.truth_rate), Due(_CLOCK_RATE)
@@ -272,20 +275,14 @@ class SimRigNode(Node):
             request.mass,
             request.stiffness,
             request.damping,
-            _xyz(request.target),
+            point_of(request.target),
             request.duration,
-            _xyz(request.amplitude),
-            _xyz(request.omega),
+            point_of(request.amplitude),
+            point_of(request.omega),
             tuple(request.traits),
             tuple(request.values),
             request.patient,
         )))
-
-    def _move_hand(self, movement: ArmSettings) -> None:
-        """Let the rig's thread send the patient's hand on its way."""
-        self._rig.call(lambda: self._world.set_arm(movement))
-        if self._page is not None:
-            self._page.wake_conductor()
 
     def _set_fixture(self, request: SetFixture.Request) -> str:
         return self._changed(lambda: self._world.set_fixture(
@@ -309,13 +306,17 @@ class SimRigNode(Node):
             except ValueError as error:
                 answer.put(str(error))
 
-        self._rig.call(carry_out)
-        if self._page is not None:
-            self._page.wake_conductor()
+        self._call(carry_out)
         try:
             return answer.get(timeout=_ANSWER_S)
         except queue.Empty:
             return "the rig is not running: activate the node"
+
+    def _call(self, change: Callable[[], None]) -> None:
+        """Let the rig's thread carry out a change, also while time stands still."""
+        self._rig.call(change)
+        if self._page is not None:
+            self._page.wake_conductor()
 
     def health(self) -> Health:
         """Frames, slips."""
@@ -335,7 +336,3 @@ class SimRigNode(Node):
         if slipped:
             return Health(WARN, f"{slipped} periods of simulated time given up", counters)
         return Health(OK, "simulating", counters)
-
-
-def _xyz(vector: Any) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z

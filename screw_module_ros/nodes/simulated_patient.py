@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from geometry_msgs.msg import Point
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
 from screw_module_ros import graph
@@ -25,6 +24,7 @@ from screw_module_ros.plant.patient import (
     Triple,
     on_circle,
 )
+from screw_module_ros.therapy.hand import point_of
 from screw_module_ros.therapy.protocol import CIRCLE, GAME, WEIGH
 from screw_module_ros.therapy.wishes import SILENT_NS, WishLimits
 
@@ -121,7 +121,7 @@ def _asked(state: TherapyState, arm: HumanArm) -> tuple[object, Triple]:
     if state.kind == CIRCLE:
         passed = state.since if state.since > 0.0 else 0.0
         step = 0 if prepares else 1 + int(passed / (CIRCLE_STEP_SHARE * arm.reach_time))
-        point = on_circle(_triple(state.start), _triple(state.target), step)
+        point = on_circle(point_of(state.start), point_of(state.target), step)
         return (state.trial, prepares, step), point
     share = 0.0 if prepares else arm.follows
     begin, end = state.start, state.target
@@ -129,7 +129,3 @@ def _asked(state: TherapyState, arm: HumanArm) -> tuple[object, Triple]:
         a + share * (b - a) for a, b in ((begin.x, end.x), (begin.y, end.y), (begin.z, end.z))
     )
     return (state.trial, prepares), (x, y, z)
-
-
-def _triple(point: Point) -> Triple:
-    return point.x, point.y, point.z

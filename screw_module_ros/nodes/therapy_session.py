@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import Annotated, Any, NamedTuple
 
@@ -166,13 +167,13 @@ class TherapySessionNode(Node):
         self._recording = SessionRecording(self, self.clock)
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(StartTherapy, "~/weigh", lambda of: self.requests.ask(lambda: self._weigh(of)))
-        self.serve(Trigger, "~/pause", lambda _: self.requests.ask(self._pause))
-        self.serve(Trigger, "~/pause_by_patient",
-                   lambda _: self.requests.ask(self._pause_by_patient))  # fmt: skip
-        self.serve(Trigger, "~/resume", lambda _: self.requests.ask(self._resume))
-        self.serve(Trigger, "~/rest", lambda _: self.requests.ask(self._rest))
-        self.serve(Trigger, "~/abort", lambda _: self.requests.ask(self._abort))
-        self.serve(Trigger, "~/lower", lambda _: self.requests.ask(self._lower))
+        asked: dict[str, Callable[[], str]] = {
+            "pause": partial(self._act, "pause", THERAPIST_PAUSED),
+            "pause_by_patient": self._pause_by_patient, "resume": self._resume,
+            "rest": self._rest, "abort": self._abort, "lower": self._lower,
+        }  # fmt: skip
+        for name, act in asked.items():
+            self.serve(Trigger, f"~/{name}", partial(self._in_loop, act))
 
     def connect(self) -> None:
         """Make the topics."""
@@ -448,15 +449,15 @@ class TherapySessionNode(Node):
         arm.follow(now_ns)
         return refused or Done(arm.told)
 
+    def _in_loop(self, act: Callable[[], str], request: Trigger.Request) -> str:
+        return self.requests.ask(act)
+
     def _named(self, protocol: str) -> str:
         """Return one of the package's protocols, or the path of a file below `folder`."""
         if protocol in (*SHIPPED, *GAMES):
             return protocol
         root = root_folder(self.parameters.read(TherapySettings).folder)
         return str(below(root, protocol, "protocol"))
-
-    def _pause(self) -> str:
-        return self._act("pause", THERAPIST_PAUSED)
 
     def _pause_by_patient(self) -> str:
         """Pause the session, or end a weighing, which brings the arm back: nothing else."""

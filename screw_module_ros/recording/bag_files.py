@@ -60,8 +60,8 @@ def files_of(bag: Path | str) -> list[Path]:
         for each in sorted(path.iterdir())
         if (match := _NAME.fullmatch(each.name)) and not each.name.startswith(".")
     }
-    listed = _listed(path)
-    place = {name: number for number, name in enumerate(listed)}
+    told, _ = readable(path)
+    place = {name: number for number, name in enumerate(told.get("relative_file_paths", ()))}
     for each in list(found):  # a player unpacks NAME_0.mcap beside NAME_0.mcap.zstd, and leaves it
         packed = next((p for p in found if p != each and p.name.startswith(f"{each.name}.")), None)
         if packed is not None:
@@ -77,14 +77,6 @@ def files_of(bag: Path | str) -> list[Path]:
         found,
         key=lambda each: (place.get(each.name, last), int(found[each]["number"] or 0), each.name),
     )
-
-
-def _listed(folder: Path) -> list[str]:
-    """Return the files that metadata.yaml lists; none without a readable one."""
-    try:
-        return list(information(folder).get("relative_file_paths", ()))
-    except BagError:
-        return []
 
 
 def _no_bag(folder: Path) -> str:
@@ -118,6 +110,14 @@ def information(bag: Path | str) -> dict[str, Any]:
         return {}
     except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
         raise BagError(f"{METADATA_FILE} cannot be read: {type(error).__name__}") from None
+
+
+def readable(bag: Path | str) -> tuple[dict[str, Any], list[str]]:
+    """Return the content of metadata.yaml, empty without a readable one, and what is wrong."""
+    try:
+        return information(bag), []
+    except BagError as error:
+        return {}, [str(error)]
 
 
 @contextmanager

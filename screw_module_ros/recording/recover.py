@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .bag import METADATA_FILE, RECOVERED, Bag, BagError
-from .bag_files import files_of, information, name_of
+from .bag_files import files_of, name_of, readable
 from .records import File, noted
 
 ENDING = "_recovered"
@@ -35,12 +35,7 @@ def recover(bag: Path | str, out: Path | str | None = None) -> Recovered:
     bag or the copy cannot be written: then none is left.
     """
     files = [File(path) for path in files_of(bag)]
-    problems: list[str] = []
-    try:
-        told = information(bag)
-    except BagError as error:
-        told = {}
-        problems.append(str(error))
+    told, problems = readable(bag)
     parent = Path(out) if out is not None else Path(bag).resolve().parent
     copy = Bag(parent / (name_of(bag) + ENDING))
     try:

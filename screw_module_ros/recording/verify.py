@@ -32,10 +32,9 @@ from .bag import (
     PREFIX,
     RECOVERED,
     STATE,
-    BagError,
     Topic,
 )
-from .bag_files import files_of, information
+from .bag_files import files_of, readable
 from .clock_settings import ClockSettings
 from .counts import TICKED, Count, Counts, Gap
 from .recorder import AUDIT, NO_ANSWER, PARAMETERS, REFUSED
@@ -115,11 +114,8 @@ def verify(bag: Path | str) -> Report:
     problems: list[str] = []
     for file in files:
         problems += _walk(file, tracks)
-    try:
-        told = information(bag)
-    except BagError as error:
-        told = {}
-        problems.append(str(error))
+    told, flaws = readable(bag)
+    problems += flaws
     tracks = dict(sorted(tracks.items()))
     notes = noted(told, files)
     parameters = notes.get(PARAMETERS, {})

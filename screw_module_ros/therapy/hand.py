@@ -63,6 +63,11 @@ class HandSample(NamedTuple):
         return self[8:11]
 
 
+def point_of(message: Any) -> Point:
+    """Return x, y, z of a message that has them."""
+    return message.x, message.y, message.z
+
+
 def hand_sample(message: Any, space: str) -> HandSample:
     """Return the sample of an EndpointState, with the reason to stop a session in this space.
 

@@ -51,14 +51,6 @@ def _power_behind(trial: Trial) -> float:
     return _mean([trial.power(sample) for sample, lead in pairs if lead < 0.0])
 
 
-def _farthest(trial: Trial) -> float:
-    return max([0.0, *(trial.line.gone(s.position) for s in trial.during)])
-
-
-def _reach_error(trial: Trial) -> float:
-    return float(np.linalg.norm(trial.path[-1] - np.asarray(trial.ends[1])))
-
-
 def _hold_deviation(trial: Trial) -> float:
     return hold_deviation(np.array([trial.on_axes(s.position) for s in trial.during]),
                           trial.ends[0])  # fmt: skip
@@ -146,7 +138,8 @@ MEASURES = (
         "Mean of the squared distance from the straight line, from start to end of the movement.",
     ),
     Measure(
-        "pm4", "way along the line", "mm", 1e3, TESTED, _farthest,
+        "pm4", "way along the line", "mm", 1e3, TESTED,
+        lambda t: max([0.0, *(t.line.gone(s.position) for s in t.during)]),
         "Farthest the hand came along the line.",
     ),
     Measure(
@@ -210,7 +203,8 @@ MEASURES = (
         "fifth of the way.",
     ),
     Measure(
-        "reach_error", "reach error", "mm", 1e3, (REACH,), _reach_error,
+        "reach_error", "reach error", "mm", 1e3, (REACH,),
+        lambda t: float(np.linalg.norm(t.path[-1] - np.asarray(t.ends[1]))),
         f"Distance from the target at the end of the movement ({_MOVEMENT}). It is not 0 for a "
         "target that was reached slowly, for instance by the push of the robot's wall afterwards.",
     ),

@@ -19,7 +19,7 @@ from ..recording.pseudonym import NAMED_DATE
 from ..recording.recorder import CLOCK, PARAMETERS
 from ..recording.records import notes
 from .adaptation import USUAL, Assistance
-from .hand import HandSample, hand_sample, ns_of
+from .hand import HandSample, hand_sample, ns_of, point_of
 from .measures import COLUMNS, FILTERED, Row
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
@@ -279,7 +279,7 @@ def _trial(message: Any) -> Row:
         row |= dict.fromkeys(FILTERED, math.nan)
         lacking |= set(FILTERED)
     row["unmeasured"] = tuple(name for name in COLUMNS if name in lacking)
-    row["start"], row["target"] = _point(message.start), _point(message.target)
+    row["start"], row["target"] = point_of(message.start), point_of(message.target)
     row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
     return row
 
@@ -289,7 +289,3 @@ def _change(message: Any) -> dict[str, Any]:
              "side_stiffness", "reason")  # fmt: skip
     support = {name: getattr(message, name, math.nan) for name in ("support_before", "support")}
     return {name: getattr(message, name) for name in names} | support
-
-
-def _point(value: Any) -> tuple[float, float, float]:
-    return value.x, value.y, value.z

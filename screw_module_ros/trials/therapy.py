@@ -27,7 +27,7 @@ from .patient import STILL, Hand, ready
 from .runner import GraphRun, command, recordings_in, running
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
-_SPRING = 100.0, 5.0  # and damper to a game's set point [N/m], [Ns/m]
+_SPRING = 100.0, 5.0  # stiffness and damping to a game's set point [N/m], [Ns/m]
 _CENTRE, _TO_CENTRE_S = (0.0, 0.0, 0.18), 0.5
 _LOOK_S = 0.05
 _BRAKES = "-p", "amplifier:stop_reaction:=brake"  # else no more than 8 N of an arm may be carried
