@@ -62,7 +62,7 @@ ENGLISH = {
         r"^old parameter names|is now \{\}|is unknown to node|^it knows|^parameter \{\}$|given to",
         r" values are wanted$|a value of type|is latched: call|^the cause persists|still enabled$",
         r"^disable it or wait|^supervisor/reset|^Torque without|^Supervisor gone|^Emergency stop",
-        r"^Controller silent",
+        r"^Controller silent|^law \{\}: this node has parameters",
     ),
     "a file of one's own that has something wrong": (
         r"^levels: |^page = |^picture = |^game \{\}|^either share|^fade|must be less than",
