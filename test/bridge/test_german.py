@@ -14,6 +14,8 @@ import pytest
 from page_modules import PLAYED_DOCUMENT
 from sentences import PACKAGE, sentences
 
+from screw_module_ros.devices.cia402 import State as DriveState
+from screw_module_ros.devices.drive_settings import JOINTS
 from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.progress import ERRORS
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
@@ -32,16 +34,18 @@ SPEAKERS = (
     "loop/drive.py", "loop/plane.py", "loop/plane_controller.py", "loop/law_runner.py",
     "loop/plane_law_runner.py", "safety/checks.py", "safety/permit.py", "safety/supervision.py",
     "settings.py", "bridge/door.py", "bridge/server.py", "bridge/client.py",
-    "bridge/record_desk.py",
+    "bridge/record_desk.py", "devices/drive_logic.py", "devices/drive.py", "devices/encoder.py",
+    "devices/force_base.py", "can_io/port.py", "nodes/support/topics.py",
 )  # fmt: skip
 """Whose sentences a therapist's page may show: the session, what refuses it a service, what stops
 it, the record and the bridge.
 
-Others stay English there: those of devices and buses (`devices/`, `can_io/`) and of the nodes and
-calibrations above them, which name registers, frames and parameters for the robot's operator, who
-finds them as they are in docs/troubleshooting.md; what a file of one's own has wrong
-(`therapy/protocol.py`, `settings_file.py`); laws and arms of other packages; what the operating
-system says; the session's report and what is exported, which are documents.
+Others stay English there: what a device is set up with, warns of or reports by codes of its own
+(the rest of `devices/` and `can_io/`), and the nodes and calibrations above, which name registers,
+frames and parameters for the robot's operator, who finds them as they are in
+docs/troubleshooting.md; what a file of one's own has wrong (`therapy/protocol.py`,
+`settings_file.py`); laws and arms of other packages; what the operating system says; the session's
+report and what is exported, which are documents.
 """
 
 ENGLISH = {
@@ -63,6 +67,14 @@ ENGLISH = {
         r" values are wanted$|a value of type|is latched: call|^the cause persists|still enabled$",
         r"^disable it or wait|^supervisor/reset|^Torque without|^Supervisor gone|^Emergency stop",
         r"^Controller silent|^law \{\}: this node has parameters",
+    ),
+    "what the operator homes, tares or sets up, and what he is warned of at an enabling": (
+        r"^no position to home|^the nut moves|^let it rest|^DANGER|^UNGUARDED|^keep a hand",
+        r"hold its torque back by itself|^choose the `profile`|^waive what|^only `allow",
+        r"^heartbeat of|^in its place only|clear the fault first|still recovering",
+        r"still being disabled|not being commanded",
+        r"^the torque command was|is not configured$|^the driver of the|^base id|^bit \{\}$",
+        r"^\{\} status: \{\}$",
     ),
     "a file of one's own that has something wrong": (
         r"^levels: |^page = |^picture = |^game \{\}|^either share|^fade|must be less than",
@@ -102,7 +114,8 @@ def words_told() -> set[str]:
     measures = {each["name"]: each["label"] for each in measures_for_screens()}
     games = [each for each in protocols_for_screens() if "levels" in each]
     return {
-        *(state.word for state in State), *PLACES, "left", "right",
+        *(state.word for state in State), *(state.text for state in DriveState), *JOINTS,
+        *PLACES, "left", "right",
         *(each["title"] for each in protocols_for_screens()),
         *(level for game in games for level in game["levels"]),
         *(measures[name] for name in (*ERRORS, "duration", "peak_speed", "path_error", "sparc",
@@ -169,6 +182,9 @@ SAID = [
      "`lead` and `counts_per_turn` of encoder and amplifier",
      "impedance_controller: Encoder und Antrieb unterscheiden sich um 3.1 mm nach 4.0 und 0.9 mm: "
      "`lead` und `counts_per_turn` von Encoder und Verstärker vergleichen"),
+    ("amplifier: the vertical drive is in fault; manus: the shoulder drive is silent: its "
+     "statusword is stale", "amplifier: senkrechter Antrieb: ist jetzt: Störung; manus: "
+     "Schulterantrieb: meldet nichts, sein Statuswort ist alt"),
     ("12 min, 34 movements, 5 min of play, score 80 %, 3.4 m",
      "12 min, 34 Bewegungen, 5 min gespielt, Wertung 80 %, 3.4 m"),
     ("the arm pulls hard (2)", "der Arm zieht stark (2)"),
