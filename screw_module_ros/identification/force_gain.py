@@ -15,13 +15,13 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from scipy import signal
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..offset import Spring, offsets
 from ..settings import Setting
 from .figures import COLOURS, CREDIT, DESIRED, panels
+from .force_metric import RAPID, above
 from .lab import Lab, Part
 from .results import HUMAN_ARM, Drawn, Experiment, Published, Quantity, Result, beside
 from .trials import MotionTrial, Samples
@@ -48,7 +48,6 @@ THESIS = {
     "gain_with_backlash": Published("chatter_gain", 5.0, _WITH, chosen_by=_CHOSEN),
     "gain_without_backlash": Published("simulated_gain", 10.0, _WITHOUT),
 }
-_HIGH_PASS = 30.0  # [Hz]; above the frequencies of the hand and of the backlash crossings
 _SETTLE_S = 0.5
 
 
@@ -103,11 +102,8 @@ def onset(rows: dict[float, tuple[float, float]], chatter: float) -> tuple[float
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
     """Return mean offset [N] and the rms of the force above 30 Hz [N]."""
-    rate = 1.0 / (samples.time[1] - samples.time[0])
-    rapid = signal.sosfiltfilt(
-        signal.butter(4, _HIGH_PASS, "high", fs=rate, output="sos"), samples.force
-    )
-    settled = rapid[round(_SETTLE_S * rate) :]
+    period = samples.time[1] - samples.time[0]
+    settled = above(RAPID, samples.force, period)[round(_SETTLE_S / period) :]
     spring = Spring(trial.settings.stiffness, trial.centre)
     found = offsets(samples.position, samples.velocity, samples.force, spring)
     return {"offset": np.array(found.mean), "rms": np.array(np.sqrt(np.mean(settled**2)))}

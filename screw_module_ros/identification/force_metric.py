@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-RAPID = 30.0  # [Hz] above it: chatter
+RAPID = 30.0  # [Hz] above it: chatter; a hand and the crossings of the play are below
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
 SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation
 WINDOW = 0.1  # [s]
@@ -114,15 +114,16 @@ def judged(
         mean=float(np.abs(kept).mean()),
         rms=_rms(kept),
         p99=float(np.percentile(np.abs(kept), 99.0)),
-        rapid=_rms(_above(RAPID, error, period)[first:]),
-        swing=_rms(_above(SWING, error, period)[-last:]),
+        rapid=_rms(above(RAPID, error, period)[first:]),
+        swing=_rms(above(SWING, error, period)[-last:]),
         travel=float(np.ptp(position[-last:])),
         share=float(share[-1]),
         shaking=shaking(period, error, first),
     )
 
 
-def _above(corner: float, values: np.ndarray, period: float) -> np.ndarray:
+def above(corner: float, values: np.ndarray, period: float) -> np.ndarray:
+    """Return what of samples `period` [s] apart lies above a corner [Hz], without a delay."""
     sections = signal.butter(4, corner, "high", fs=1.0 / period, output="sos")
     return signal.sosfiltfilt(sections, values, axis=0)
 
@@ -152,7 +153,7 @@ def shaking(period: float, error: np.ndarray, first: int) -> float:
 
 def _swinging(period: float, error: np.ndarray, first: int) -> np.ndarray:
     """Return the squares of what lies above `SWING` [N^2], of all columns together."""
-    return (_above(SWING, error.reshape(len(error), -1), period)[first:] ** 2).sum(axis=1)
+    return (above(SWING, error.reshape(len(error), -1), period)[first:] ** 2).sum(axis=1)
 
 
 def _rms(values: np.ndarray) -> float:

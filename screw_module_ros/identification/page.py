@@ -133,16 +133,14 @@ def markdown(
         closing=closing_rows(report.modules),
         changed_head=robustness_head(report.modules),
         changed=robustness_rows(report.modules),
-        quantity_rows=_quantity_rows,
+        quantity_rows=lambda result: [
+            (q.name, q.text, value_text(q), q.kind) for q in result.quantities
+        ],
         source_rows=_source_rows,
         sentences=sentences(required) if required else (),
         required_head=REQUIREMENTS_HEAD,
         required=cells(required) if required else [],
     )
-
-
-def _quantity_rows(result: Result) -> list[tuple[str, ...]]:
-    return [(q.name, q.text, value_text(q), q.kind) for q in result.quantities]
 
 
 def _source_rows(result: Result) -> list[tuple[str, ...]]:
