@@ -18,14 +18,13 @@ from typing import Any
 from .. import plugin_flaws, plugins
 from ..geometry import MANUS_NAME, PlanarArm, forward, inverse, jacobian
 from ..settings import fields
+from .limits import NUMBER
 
 GROUP = "screw_module_ros.arms"
 """Entry points that name arms of other packages."""
 STRETCHED = 0.02
 """Sine of the angle between the links up to which an arm counts as stretched or folded: the torque
 that leads out of there does not vanish."""
-NUMBER = 1e9
-"""Nothing that an arm answers is larger [m], [rad], [m^2]."""
 FUNCTIONS = ("forward", "inverse", "jacobian", "between", "singular")
 LIMITS = ("shoulder_low", "shoulder_high", "elbow_low", "elbow_high", "between_low", "between_high")
 """Fields of `PlanarSettings` for which an arm may have defaults of its own."""

@@ -42,6 +42,7 @@ from .law import Law, Motion, Sample
 from .limits import (
     DRIVING,
     LONGEST_STEP,
+    NUMBER,
     STOPPED,
     STRONGEST,
     braking_speed,
@@ -68,8 +69,6 @@ OBSERVED = 0.35
 QUIET = 0.2
 """Share of it that chatter may have while the handle rests: the play does not knock. In motion
 it takes a raised corner back."""
-NUMBER = 1e9
-"""A law that answers with more than this, or with NaN, has answered with no force [N]."""
 
 
 @dataclass(slots=True)

@@ -22,6 +22,8 @@ LONGEST_STEP = 0.02
 FARTHEST = 10.0  # [m], [rad]
 FASTEST = 100.0  # [m/s], [rad/s]
 STRONGEST = 1e5  # [N]
+NUMBER = 1e9
+"""An answer of a law or an arm that is larger, in its SI unit, or NaN, is no number."""
 STOPPED = 0.2
 """Time constant with which what moved counts as what stands: there the help of a hand is bounded,
 as an obstacle that the transducer does not feel may hold it [s]."""

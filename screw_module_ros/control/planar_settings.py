@@ -13,6 +13,8 @@ STUDIED_GAIN = 9.0
 """Force gain of the study (docs/studies.md). The default is none: a plane has no known limits."""
 DELAY = 0.008
 """From a position to its torque, with the velocity filter of 30 Hz and 1.5 periods [s]."""
+MOST_DAMPING = 200.0
+"""Largest damper, of the impedance and one that a law of others may need [Ns/m]."""
 DAMPING_RATIO = 0.25
 """Least damping ratio of a released handle under force feedback."""
 
@@ -29,9 +31,9 @@ class PlanarSettings(NamedTuple):
         float,
         Setting("spring of the impedance, the same in x and y", "N/m", 0.0, 2000.0, live=True),
     ] = 100.0  # thesis: usual_spring
-    damping: Annotated[float, Setting("damper of the impedance", "Ns/m", 0.0, 200.0, live=True)] = (
-        10.0  # ours
-    )
+    damping: Annotated[
+        float, Setting("damper of the impedance", "Ns/m", 0.0, MOST_DAMPING, live=True)
+    ] = 10.0  # ours
     force_limit: Annotated[
         float, Setting("largest force at the handle", "N", 0.0, 150.0)
     ] = 45.0  # thesis: d_static_force

@@ -33,6 +33,7 @@ from .limits import (
     FARTHEST,
     FASTEST,
     LONGEST_STEP,
+    NUMBER,
     STOPPED,
     STRONGEST,
     braking_speed,
@@ -42,7 +43,7 @@ from .limits import (
     soft_stop,
 )
 from .planar import PlanarInput, PlanarOutput
-from .planar_settings import PlanarSettings
+from .planar_settings import MOST_DAMPING, PlanarSettings
 from .plane_law import PlaneLaw, PlaneMotion, PlaneSample
 from .setpoint import Range, SetPoint, follow, hold_at
 
@@ -50,10 +51,6 @@ OBSERVED = 0.5
 """Share of `chatter_limit` from which an oscillation counts."""
 STANDING = 6.0
 """Most help while the handle stands [N]: its friction is 1 N."""
-NUMBER = 1e9
-"""A law that answers with more than this [N], or with NaN, has answered with no force."""
-MOST_DAMPING = 200.0
-"""Largest damper that a law of others may need [Ns/m], as of `PlanarSettings.damping`."""
 LAW, ARM = 1, 2
 """Who answered with no number: `PlaneState.wrong`."""
 

@@ -156,6 +156,19 @@ def vertical_inputs(mode: int, law_run: Law = THESIS):
         if sometimes(chance, 700):
             inp = inp._replace(**{chance.choice(inp._fields[1:4]): chance.choice(ODD)})
         yield law, inp, dt
+    if mode == ANY_MODE:
+        yield from driven_inputs(max(law_run.variants))
+
+
+def driven_inputs(mode: int):
+    """Yield an oscillation of 4 Hz, hardly faster than a hand, that the robot seems to drive."""
+    position = 0.18
+    for tick in range(3000):
+        phase = 0.004 * tick
+        moved = 0.18 + 0.01 * wave(phase)
+        velocity, position = (moved - position) / 0.001, moved
+        force = -5.0 * wave(phase + 0.25)  # against the velocity
+        yield VERTICAL_LAW, VerticalInput(mode, moved, velocity, force, 0.18, 0.0, True), 0.001
 
 
 @functools.cache
