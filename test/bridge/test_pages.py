@@ -443,8 +443,14 @@ def test_a_plan_proposes_the_next_and_tells_the_minutes_left_and_ends_with_its_p
     page.get_by_role("button", name="Take Pick fruit out of the plan").click()
     assert page.locator(".plan li").count() == 0
     page.get_by_role("button", name="Add to the plan").click()
+    page.reload()
+    given.until_text(page, "The robot is ready")
+    field.fill("P-7K3QX")
+    assert page.locator(".plan li").count() == 1, "a page that was lost has not lost the plan"
     field.fill("P-22222")
     assert page.locator(".plan li").count() == 0, "a plan is one patient's"
+    page.reload()
+    assert page.locator(".plan li").count() == 0
 
 
 OVERLAPS = """[...document.querySelectorAll('.plan li')].filter((each) => {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a patient does after another, in this tab, and how long it takes. A plan belongs to one pseudonym.
+// What a patient does after another, and how long it takes. A plan belongs to one pseudonym and to this tab, where it
+// outlives a page that is loaded again.
 
 import { planned } from "../cells.js";
 import { el, say } from "../draw.js";
@@ -7,12 +8,14 @@ import { RUNNING, isUnderWay } from "../link.js";
 import { PAGE, remove } from "../words.js";
 
 const ENOUGH = 3; // movements, from which on their own pace tells how long the others take
+const KEPT = `plan ${globalThis.location?.search ?? ""}`; // of this robot
 const LONGEST_S = 3; // between two states: a page that is silent for longer has paused the session
 
 export class Plan {
   // chosen(): { name, title, level, minutes } of the form; propose(item): sets it there.
   constructor(chosen, propose) {
-    [this.items, this.patient] = [[], ""];
+    const kept = globalThis.sessionStorage?.getItem?.(KEPT);
+    [this.items, this.patient] = kept ? JSON.parse(kept) : [[], ""];
     this.button = el("button", { name: "plan", type: "button", onclick: () => {
       this.items.push(chosen());
       propose(this.items[0]);
@@ -46,6 +49,7 @@ export class Plan {
   }
 
   show() {
+    globalThis.sessionStorage?.setItem?.(KEPT, JSON.stringify([this.items, this.patient]));
     this.list.hidden = !this.items.length;
     this.list.replaceChildren(...this.items.map((item) => el("li", {}, planned(item),
       el("button", { type: "button", ariaLabel: remove(item), onclick: () => {
