@@ -29,12 +29,12 @@ from .force_error import wall
 from .force_metric import apparent_mass, first_harmonic, lasting, sine
 from .rigs import Kind, Rig, drawn, drawn_plane
 from .stand import SimulatedStand
-from .trials import FIRM, Arm, HandTrial, MotionTrial, PlanarTrial, Samples
+from .trials import FIRM, HEAVY, Arm, HandTrial, MotionTrial, PlanarTrial, Samples
 
 FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # [Hz]
 DAMPERS = (0.0, 100.0)  # [Ns/m]; a law has at least what it needs
 LOADS: dict[str, Arm | None] = {
-    "hand": None, "arm of 30 kg": Arm(30.0, 300.0, 30.0), "wall": wall(1e5, 0.1),
+    "hand": None, "arm of 30 kg": HEAVY, "wall": wall(1e5, 0.1),
 }  # fmt: skip
 """What holds the handle: the rig's hand, a heavy arm, a wall of 1e5 N/m."""
 SPRINGS = (30.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0)  # [N/m] the ladder

@@ -31,12 +31,12 @@ from .force_gain import onset, reduced, rows_of
 from .lab import Lab, MissingResult
 from .results import DERIVED, HUMAN_ARM, Drawn, Experiment, Quantity, Result
 from .sampled_loop import MOST, LawInMode, Mechanism, Sampling, largest_gain
-from .trials import TRUTH, Arm, MotionTrial
+from .trials import HEAVY, TRUTH, Arm, MotionTrial
 
 NAME = "stability"
 ENVIRONMENTS = {
     "hand": ("a hand of 3 kg, 300 N/m, 5 Ns/m", Arm()),
-    "heavy_arm": ("an arm of 30 kg, 300 N/m, 30 Ns/m", Arm(30.0, 300.0, 30.0)),
+    "heavy_arm": ("an arm of 30 kg, 300 N/m, 30 Ns/m", HEAVY),
     "wall": ("a wall of 1e5 N/m, half of critical damping", Arm(0.0, 1e5, 740.0)),
     "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Arm(1.0, 1e5, 30.0)),
     "soft_grip": ("0.45 kg of a hand with a grip of 1e4 N/m, 30 Ns/m", Arm(0.45, 1e4, 30.0)),

@@ -39,6 +39,7 @@ const PATTERNS = Object.entries(OF_NODES).filter(([english]) => english.includes
   const fits = new RegExp(`^${own.map((words) => words.replace(/[.*+?^$()|[\]\\]/g, "\\$&")).join("(.*?)")}$`, "s");
   return { fits, german, length: own.join("").length, letters };
 }).sort((one, other) => other.length - one.length);
+const [WITH_FEW, WITH_MORE] = [true, false].map((isFew) => PATTERNS.filter(({ letters }) => letters < FEW === isFew));
 
 const MOST = 300; // sentences that are remembered: a page draws the same one again and again
 const REMEMBERED = new Map();
@@ -65,7 +66,7 @@ function inGerman(english) {
 
 // hasFew: the patterns with few letters, in whose places nothing unknown stands.
 function byPattern(english, hasFew) {
-  for (const { fits, german, letters } of PATTERNS.filter((each) => each.letters < FEW === hasFew)) {
+  for (const { fits, german, letters } of hasFew ? WITH_FEW : WITH_MORE) {
     const [, ...values] = fits.exec(english) ?? [];
     if (values.length && (!hasFew || !letters || values.every(isKnown))) return filled(german, values.map(inGerman));
   }

@@ -4,10 +4,8 @@
 
 import { quantity } from "../cells.js";
 import { el, say } from "../draw.js";
-import { said } from "../language.js";
 import { LIMITS, PAGE, failure, patientSound, wasSet } from "../words.js";
-
-const BOOL = 1, DOUBLE = 3; // ParameterType.msg
+import { setParameter } from "./parameters.js";
 
 export class LimitsCard {
   constructor(call, changed = () => {}) {
@@ -30,10 +28,9 @@ export class LimitsCard {
   }
 
   async switchSound() {
-    const parameters = [{ name: "patient_sound", value: { type: BOOL, bool_value: !this.hasSound } }];
     try {
-      const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
-      say(this.told, said(reason));
+      await setParameter(this.call, "patient_sound", !this.hasSound);
+      say(this.told, "");
     } catch (error) {
       say(this.told, failure(error));
     }
@@ -106,10 +103,8 @@ export class LimitsCard {
   }
 
   async set(name, value) {
-    const parameters = [{ name, value: { type: DOUBLE, double_value: value } }];
     try {
-      const { results: [result] } = await this.call("therapy_session/set_parameters", { parameters });
-      if (!result.successful) throw new Error(result.reason);
+      await setParameter(this.call, name, value);
       this.values[name] = value;
       this.changed(this.values);
       this.told.classList.add("good");

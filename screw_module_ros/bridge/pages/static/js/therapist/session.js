@@ -6,10 +6,10 @@ import { el, say } from "../draw.js";
 import { said } from "../language.js";
 import { PAUSED, RUNNING, STARTING, isResting, isUnderWay } from "../link.js";
 import { CHECKS, PAGE, again, asLastTime, askedSentence, failure, leftWords, sessionOf, toTick } from "../words.js";
+import { FORCE, setParameter } from "./parameters.js";
 import { Pace, Plan } from "./plan.js";
 
 const ASK = 32; // of StartTherapy.checks
-const DOUBLE = 3; // ParameterType.msg
 const MOST_MINUTES = 60; // of a game, as its file may have
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
@@ -221,12 +221,9 @@ export class SessionCard {
 
   // Asks for a support of the arm [N]; returns whether it is given, and tells why not.
   async carry(support) {
-    const value = { type: DOUBLE, double_value: Math.round(10 * support) / 10 };
     try {
-      const { results: [{ successful, reason }] } = await this.call(
-        "therapy_session/set_parameters", { parameters: [{ name: "support.force", value }] });
-      if (!successful) this.tell(said(reason));
-      return successful;
+      await setParameter(this.call, FORCE, Math.round(10 * support) / 10);
+      return true;
     } catch (error) {
       this.tell(failure(error));
       return false;

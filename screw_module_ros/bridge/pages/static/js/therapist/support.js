@@ -7,9 +7,8 @@ import { el, say } from "../draw.js";
 import { said } from "../language.js";
 import { RUNNING, STARTING, isUnderWay, isWeighed } from "../link.js";
 import { PAGE, armSentence, failure, supportLimit, supportSentence, weighWords } from "../words.js";
+import { FORCE, setParameter } from "./parameters.js";
 
-const FORCE = "support.force";
-const DOUBLE = 3; // ParameterType.msg
 const SHARE = 0.05; // a step of the slider, of the arm's weight
 const UNWEIGHED_STEP = 1; // [N] without one
 const ROUNDED = 1e-3; // [N] the last step may end a little beyond the limit, as numbers are rounded
@@ -19,13 +18,11 @@ export class SupportCard {
   constructor(call, whose) {
     this.call = call;
     this.whose = whose;
-    this.isHeld = false;
+    this.held = null; // another object each time the slider is taken; null once its value is answered
     this.shown = el("output");
     this.input = el("input", { type: "range", min: 0, max: 0, ariaLabel: PAGE.support });
-    this.moves = 0;
     this.input.oninput = () => {
-      this.isHeld = true;
-      this.moves += 1;
+      this.held = {};
       this.share();
     };
     this.input.onchange = () => this.set(Number(this.input.value));
@@ -46,7 +43,7 @@ export class SupportCard {
     this.weight = state?.arm_weight ?? null;
     const [most, reason] = supportLimit(this.weight, controller, drive);
     this.input.disabled = !state || isWeighed(state);
-    if (!this.isHeld && state) {
+    if (!this.held && state) {
       this.input.step = this.weight ? SHARE * this.weight : UNWEIGHED_STEP;
       this.input.max = Math.max(most, state.support) + ROUNDED;
       this.input.value = state.support;
@@ -64,13 +61,12 @@ export class SupportCard {
   }
 
   async set(value) {
-    const { moves } = this;
-    const parameters = [{ name: FORCE, value: { type: DOUBLE, double_value: value } }];
+    const { held } = this;
     await this.telling(async () => {
-      const { results: [{ successful, reason }] } = await this.call("therapy_session/set_parameters", { parameters });
-      return { success: successful, message: reason };
+      await setParameter(this.call, FORCE, value);
+      return { success: true };
     });
-    if (this.moves === moves) this.isHeld = false; // else the slider was taken again in between
+    if (this.held === held) this.held = null; // else the slider was taken again in between
   }
 
   ask(service, args = {}) {
